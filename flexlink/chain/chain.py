@@ -173,7 +173,8 @@ class Chain(Layout):
     def as_full(self) -> Chain:
         """Return the same chain in the form for the general kernels, which support all features, used or not."""
         other = dataclasses.replace(self)
-        vars(other).update(vars(self) | {"arrays": self.arrays._replace(rare=self._rare)})
+        known = {name: value for name, value in vars(self).items() if not name.startswith("bound ")}
+        vars(other).update(known | {"arrays": self.arrays._replace(rare=self._rare)})
         return other
 
     @functools.cached_property

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import require_each, require_one_of, vector
+from flexlink.chain.arguments import NO_WRENCH, require_each, require_one_of, vector
 from flexlink.chain.chain import Chain
 from flexlink.chain.free_base import AXES
 from flexlink.common.errors import ArgumentError, FlexlinkError, SingularMassError
@@ -17,11 +16,12 @@ from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.describe.run_settings import ForwardSolver
 from flexlink.dynamics.batches import about_state, is_batch, rows
+from flexlink.dynamics.bound import Bound, bound
 from flexlink.dynamics.forces import all_torques, names_of, world_wrench, world_wrenches
 from flexlink.kernels.bodies.plane import planar_workspace
 from flexlink.kernels.bodies.rne import rne_workspace
 from flexlink.kernels.forward import solvers
-from flexlink.kernels.forward.shaped import shaped_accelerations, shaped_workspace
+from flexlink.kernels.forward.shaped import shaped_workspace
 from flexlink.kernels.layout import ChainArrays, Rare
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import LANES
@@ -87,6 +87,10 @@ def forward_dynamics(
     >>> print(free[0].round(2), abs(held).max() < 1e-9)  # rad/s²
     -151.15 True
     """
+    if tip_wrench is None and frame == "world" and solver == "articulated" and type(chain) is Chain:
+        qdd = np.empty(chain.n)
+        if articulated(chain)(NO_WRENCH, q, qd, tau, qdd) and not base_without_rates(chain, q):
+            return qdd
     if not isinstance(chain, Chain) or is_batch(q, qd, tau):
         chains = _of_one_layout(chain)
         return _forward_dynamics_of_many(chains, solver_for(chains[0], solver), tip_wrench, frame, q, qd, tau)
@@ -95,21 +99,28 @@ def forward_dynamics(
     wrench = world_wrench(chain, q, tip_wrench, frame)
     if error := base_without_rates(chain, q):
         raise error
-    qdd: Array = kernel.accelerations(chain.arrays, wrench, q, qd, tau)
-    if is_finite(qdd):
+    qdd = np.empty(n)
+    accelerations = articulated(chain) if solver == "articulated" else kernel.bound(chain.arrays)
+    if accelerations(wrench, q, qd, tau, qdd):
         return qdd
     raise _no_acceleration(chain, kernel, wrench, q, qd, tau)
 
 
-def base_without_rates(chain: Chain, q: Array) -> FlexlinkError | None:
+@bound
+def articulated(chain: Chain) -> Bound:
+    """Forward dynamics of a chain by the articulated-body algorithm, a function of (wrench, q, qd, tau, qdd)."""
+    return solver_for(chain, "articulated").bound(chain.arrays)
+
+
+def base_without_rates(chain: Chain, q: ArrayLike) -> FlexlinkError | None:
     """Return the error for a free base in gimbal lock: its angle about Y is within 3e-8 rad of 90°.
 
     The other two angles then turn about the same axis. A pivot of M is proportional to cos² of the angle about Y, and
     is then below its rounding error.
     """
-    if not chain.has_free_base or np.cos(q[PITCH]) ** 2 >= 4 * np.finfo(float).eps:
+    if not chain.has_free_base or np.cos(np.asarray(q)[PITCH]) ** 2 >= 4 * np.finfo(float).eps:
         return None
-    pitch = f"{chain.joint_name(PITCH)} = {chain.place_in_words(PITCH, float(q[PITCH]))}"
+    pitch = f"{chain.joint_name(PITCH)} = {chain.place_in_words(PITCH, float(np.asarray(q)[PITCH]))}"
     return SingularMassError(
         f"mass matrix of {chain.name!r} is singular: at {pitch} the base's angles are in gimbal lock; set another "
         "reference attitude, initial.base.rpy_deg, as simulations do automatically",
@@ -172,8 +183,10 @@ def _side_by_side(chains: Sequence[Chain], solver: solvers.Solver, states: Seque
     """Return q̈, shape (b, n), for b wrenches (b, 6), and angles, rates and torques (b, n)."""
     if solver.lanes_workspace is None:
         own = [(chain, solver if chain.shapes is None else _shaped_solver(chain)) for chain in chains]
-        singles = zip(itertools.cycle(own), zip(*states, strict=True), strict=False)
-        return np.array([kernel.accelerations(chain.arrays, *state) for (chain, kernel), state in singles])
+        found, each = np.empty_like(states[1]), [kernel.bound(chain.arrays) for chain, kernel in own]
+        for k, state in enumerate(zip(*states, strict=True)):
+            each[k % len(each)](*state, found[k])
+        return found
     b = len(states[0])
     size = b if len(chains) == 1 else LANES  # number of states per workspace
     parts = [slice(start, start + size) for start in range(0, b, size)]
@@ -221,13 +234,8 @@ def _shaped_solver(chain: Chain) -> solvers.Solver:
     """The solver of a chain whose hinges move by shapes; it ignores the name of the solver, as Φᵀ M Φ is small."""
     shapes = chain.shapes
 
-    def inverse(arrays: ChainArrays) -> Any:
-        return planar_workspace(*arrays) if chain.is_planar else rne_workspace(arrays)
-
     def workspace(arrays: ChainArrays) -> Any:
-        return shaped_workspace(arrays, shapes, inverse(arrays))
+        inverse = planar_workspace(*arrays) if chain.is_planar else rne_workspace(arrays)
+        return shaped_workspace(arrays, shapes, inverse)
 
-    def accelerations(arrays: ChainArrays, wrench: Array, q: Array, qd: Array, tau: Array) -> Any:
-        return shaped_accelerations(arrays, shapes, inverse(arrays), wrench, q, qd, tau)
-
-    return solvers.Solver(workspace, accelerations)
+    return solvers.Solver(workspace)

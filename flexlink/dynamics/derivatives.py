@@ -5,27 +5,34 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlink.chain.arguments import beyond_float64, require_type, vector, wrench_vector
+from flexlink.chain.arguments import NO_WRENCH, beyond_float64, require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.accelerations import forward_dynamics, lanes_workspace, solver_for
 from flexlink.dynamics.batches import each, is_batch, rows, wrench_rows
+from flexlink.dynamics.bound import Bound, bound
 from flexlink.dynamics.forces import about, force_slopes, turns_with_tip, world_wrench
 from flexlink.dynamics.free_motion import basis
 from flexlink.dynamics.result import Result
 from flexlink.dynamics.tangent import stiffness_matrix
-from flexlink.kernels.derivatives.forward_derivatives import forward_derivatives
-from flexlink.kernels.derivatives.inverse_derivatives import all_inverse_derivatives
+from flexlink.kernels.derivatives.forward_derivatives import forward_derivatives_workspace
+from flexlink.kernels.derivatives.inverse_derivatives import all_inverse_derivatives, derivatives_workspace
 from flexlink.kernels.derivatives.of_many import (
     forward_derivatives_of_many,
     inverse_derivatives_of_many,
 )
-from flexlink.kernels.derivatives.planar_derivatives import planar_derivatives, planar_derivatives_of_many
+from flexlink.kernels.derivatives.planar_derivatives import (
+    all_forward_derivatives,
+    planar_derivatives_of_many,
+    planar_derivatives_workspace,
+)
+from flexlink.kernels.tools.address import bind
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -91,6 +98,11 @@ def inverse_dynamics_derivatives(
     >>> print(slopes.dq[0, 0].round(2))  # N m/rad: change of the holding torque with the first angle
     -9.3
     """
+    if tip_wrench is None and frame == "world" and type(chain) is Chain:
+        found = np.empty((3, chain.n, chain.n))
+        if inverse_derivatives(chain)(NO_WRENCH, q, qd, qdd, found):
+            found.setflags(write=False)
+            return InverseDerivatives(found[0], found[1], found[2])
     if is_batch(q, qd, qdd):
         state = {"q": q, "qd": qd, "qdd": qdd}
         write = functools.partial(inverse_derivatives_of_many, require_type("chain", chain, Chain).arrays)
@@ -102,7 +114,7 @@ def inverse_dynamics_derivatives(
     q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
     wrench = world_wrench(chain, q, tip_wrench, frame)
     found = np.empty((3, n, n))
-    if not all_inverse_derivatives(*chain.arrays, wrench, q, qd, qdd, found):
+    if not inverse_derivatives(chain)(wrench, q, qd, qdd, found):
         raise beyond_float64(_of("torques", chain), q=q, qd=qd, qdd=qdd, tip_wrench=wrench, gravity=chain.gravity)
     if frame == "tip":
         found[0] += _of_turning(chain, q, qd, wrench, tip_wrench)
@@ -158,6 +170,11 @@ def forward_dynamics_derivatives(
     >>> print(slopes.dq.shape, np.allclose(slopes.dtau @ M, np.eye(chain.n)))
     (6, 6) True
     """
+    if tip_wrench is None and frame == "world" and type(chain) is Chain and chain.shapes is None:
+        found = np.empty((3, chain.n, chain.n))
+        if forward_derivatives(chain)(NO_WRENCH, q, qd, tau, found):
+            found.setflags(write=False)  # also makes its parts read-only
+            return ForwardDerivatives(found[0], found[1], found[2])  # twice as fast as `*found`
     if is_batch(q, qd, tau):
         state = {"q": q, "qd": qd, "tau": tau}
         if require_type("chain", chain, Chain).forces or chain.shapes is not None:
@@ -178,16 +195,34 @@ def forward_dynamics_derivatives(
     if chain.shapes is not None:
         written = _shaped_derivatives(chain, wrench, q, qd, tau, found)
     else:
-        write = planar_derivatives if chain.is_planar else forward_derivatives
-        written = write(*chain.arrays, wrench, q, qd, tau, found)
+        written = forward_derivatives(chain)(wrench, q, qd, tau, found)
     if not written:
         forward_dynamics(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame)  # raises an error if q̈ does not exist
         raise beyond_float64(_of("accelerations", chain), q=q, qd=qd, tau=tau, tip_wrench=wrench, gravity=chain.gravity)
     if frame == "tip":
         free = chain.free
         found[0] -= found[2][:, free] @ _of_turning(chain, q, qd, wrench, tip_wrench)[free]
-    found.setflags(write=False)  # also makes its parts read-only
-    return ForwardDerivatives(found[0], found[1], found[2])  # twice as fast as `*found`
+    found.setflags(write=False)
+    return ForwardDerivatives(found[0], found[1], found[2])
+
+
+@bound
+def inverse_derivatives(chain: Chain) -> Bound:
+    """Derivatives of a chain's inverse dynamics, a function of (wrench, q, qd, qdd, found)."""
+    return _bound(chain, all_inverse_derivatives, derivatives_workspace(chain.arrays))
+
+
+@bound
+def forward_derivatives(chain: Chain) -> Bound:
+    """Derivatives of a chain's forward dynamics, a function of (wrench, q, qd, tau, found)."""
+    arrays = chain.arrays
+    work = planar_derivatives_workspace(arrays) if chain.is_planar else forward_derivatives_workspace(*arrays)
+    return _bound(chain, all_forward_derivatives, work)
+
+
+def _bound(chain: Chain, kernel: Callable[..., bool], work: Any) -> Bound:
+    n = chain.n
+    return bind(kernel, (chain.arrays, work), np.zeros(6), *np.zeros((3, n)), np.zeros((3, n, n)))
 
 
 def _shaped_derivatives(chain: Chain, wrench: Array, q: Array, qd: Array, tau: Array, found: Array) -> bool:
@@ -197,7 +232,7 @@ def _shaped_derivatives(chain: Chain, wrench: Array, q: Array, qd: Array, tau: A
     """
     free, given = (np.flatnonzero(chain.held == given) for given in (False, True))
     qdd = forward_dynamics(chain, q, qd, tau, tip_wrench=wrench)
-    if not all_inverse_derivatives(*chain.arrays, wrench, q, qd, qdd, found):
+    if not inverse_derivatives(chain)(wrench, q, qd, qdd, found):
         return False
     by_q, by_qd, M = found.copy()
     width = chain.hinges["coulomb_width"]

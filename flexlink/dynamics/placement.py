@@ -10,11 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import integer, require_type, vector
 from flexlink.chain.chain import Chain
-from flexlink.common.products import cross
 from flexlink.common.types import Array
 from flexlink.dynamics.batches import each, is_batch, rows
+from flexlink.dynamics.bound import Bound, bound
 from flexlink.dynamics.result import Result
-from flexlink.kernels.geometry.kinematics import forward_kinematics, tip_points
+from flexlink.kernels.geometry.kinematics import body_point, forward_kinematics, kinematics_workspace, tip_points
+from flexlink.kernels.geometry.kinematics import jacobian as jacobian_kernel
+from flexlink.kernels.tools.address import bind
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -27,6 +29,9 @@ class Frames(Result):
     def __repr__(self) -> str:
         *states, bodies, _ = self.points.shape
         return f"<Frames: {bodies} bodies{f' in {states[0]} states' if states else ''}>"
+
+
+ORIGIN, NO_OFFSET = (0.0, 0.0, 0.0), np.zeros(3)
 
 
 def frames(chain: Chain, q: ArrayLike) -> Frames:
@@ -96,12 +101,24 @@ def tip_position(chain: Chain, q: ArrayLike, *, tip: str | int | None = None) ->
     (2, 3)
     """
     number = body_number(chain, -1, tip)
-    if not is_batch(q) or number != len(chain.bodies) - 1:
+    if not is_batch(q):
+        found, place = np.empty(3), points(chain)
+        if not place(number, q, found):
+            place(number, vector("q", q, chain.n, many=True), found)
+        return found
+    if number != len(chain.bodies) - 1:
         return np.asarray(frames(chain, q).points[..., number, :])
     (states,) = rows(require_type("chain", chain, Chain).n, {"q": q})
     tips = np.empty((len(states), 3))
     tip_points(chain.arrays, states, tips)
     return tips
+
+
+@bound
+def points(chain: Chain) -> Bound:
+    """Origins of a chain's frames, a function of (body, q, point)."""
+    given = chain.arrays, kinematics_workspace(chain.arrays)
+    return bind(body_point, given, 0, np.zeros(chain.n), np.zeros(3))
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -117,7 +134,7 @@ class Jacobian(Result):
 
 
 def jacobian(
-    chain: Chain, q: ArrayLike, *, body: int = -1, tip: str | int | None = None, point: ArrayLike = (0.0, 0.0, 0.0)
+    chain: Chain, q: ArrayLike, *, body: int = -1, tip: str | int | None = None, point: ArrayLike = ORIGIN
 ) -> Jacobian:
     """Geometric Jacobian of a point on a body: its velocity v = J_v q̇ and ω = J_ω q̇, in axes of frame 0.
 
@@ -157,14 +174,22 @@ def jacobian(
     """
     if is_batch(q):
         return each(jacobian, chain, {"q": q}, body=body, tip=tip, point=point)
-    number, offset = body_number(chain, body, tip), vector("point", point, 3)
-    placed = forward_kinematics(chain.arrays, vector("q", q, chain.n, many=True))
-    axes = np.where(hinges_before(chain, number)[:, None], placed.axes, 0.0)
-    position = placed.points[number] + placed.rotations[number] @ (chain.described["link"][number] @ offset)
-    linear = cross(axes, position - placed.points[hinge_bodies(chain)])
-    if chain.slides.any():
-        linear[chain.slides], axes[chain.slides] = axes[chain.slides], 0.0
-    return Jacobian(np.ascontiguousarray(linear.T), np.ascontiguousarray(axes.T))
+    number, offset = body_number(chain, body, tip), NO_OFFSET
+    if point is not ORIGIN:
+        offset = chain.described["link"][number] @ vector("point", point, 3)
+    found = np.empty((2, 3, chain.n))
+    columns = jacobian_columns(chain)
+    if not columns(number, offset, q, found):
+        columns(number, offset, vector("q", q, chain.n, many=True), found)
+    found.setflags(write=False)  # also makes its parts read-only
+    return Jacobian(found[0], found[1])
+
+
+@bound
+def jacobian_columns(chain: Chain) -> Bound:
+    """J_v and J_ω of a chain's points, a function of (body, offset, q, found)."""
+    given = chain.arrays, kinematics_workspace(chain.arrays)
+    return bind(jacobian_kernel, given, 0, NO_OFFSET, np.zeros(chain.n), np.zeros((2, 3, chain.n)))
 
 
 def body_number(chain: Chain, body: int, tip: str | int | None) -> int:
@@ -176,6 +201,8 @@ def body_number(chain: Chain, body: int, tip: str | int | None) -> int:
         The body does not exist, or the link has child links.
     """
     m = len(require_type("chain", chain, Chain).bodies)
+    if tip is None and type(body) is int and body == -1:  # the most frequent case, without further checks
+        return m - 1
     return integer("body", body, -m, m - 1) % m if tip is None else chain.tip_body(tip)
 
 

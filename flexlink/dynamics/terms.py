@@ -14,16 +14,16 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlink.chain.arguments import beyond_float64, require_one_of, require_type, vector
+from flexlink.chain.arguments import NO_WRENCH, beyond_float64, require_one_of, require_type, vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.batches import each, is_batch, rows
+from flexlink.dynamics.bound import Bound, bound
 from flexlink.dynamics.forces import force_torque, of_joint_rates, spring_torque, world_wrench, world_wrenches
-from flexlink.kernels.bodies import mass
-from flexlink.kernels.bodies.rne import inverse_dynamics as inverse_dynamics_kernel
-from flexlink.kernels.bodies.rne import inverse_dynamics_of_many
+from flexlink.kernels.bodies import mass, rne
+from flexlink.kernels.tools.address import bind
 from flexlink.kernels.tools.finite import is_finite
 
 MASS_ALGORITHMS = {
@@ -80,22 +80,34 @@ def inverse_dynamics(
     >>> print(torque.round(2) + 0.0)  # N m; equilibrium: zero at hinges with springs
     [77.6   0.    0.   30.31  0.    0.  ]
     """
+    if tip_wrench is None and frame == "world" and type(chain) is Chain:
+        tau = np.empty(chain.n)
+        if newton_euler(chain)(NO_WRENCH, q, qd, qdd, tau):
+            return tau
     if is_batch(q, qd, qdd):
         return _inverse_dynamics_of_many(chain, {"q": q, "qd": qd, "qdd": qdd}, tip_wrench, frame)
     n = require_type("chain", chain, Chain).n
     q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
     wrench = world_wrench(chain, q, tip_wrench, frame)
-    tau: Array = inverse_dynamics_kernel(chain.arrays, wrench, q, qd, qdd)
-    if not is_finite(tau):
+    tau = np.empty(n)
+    if not newton_euler(chain)(wrench, q, qd, qdd, tau):
         raise beyond_float64(_at("torque", chain, tau), q=q, qd=qd, qdd=qdd, tip_wrench=wrench, gravity=chain.gravity)
     return tau
+
+
+@bound
+def newton_euler(chain: Chain) -> Bound:
+    """Inverse dynamics of a chain, a function of (wrench, q, qd, qdd, tau)."""
+    return bind(
+        rne.inverse_dynamics, (chain.arrays, rne.rne_workspace(chain.arrays)), np.zeros(6), *np.zeros((4, chain.n))
+    )
 
 
 def _inverse_dynamics_of_many(
     chain: Chain, state: dict[str, ArrayLike], tip_wrench: ArrayLike | None, frame: Frame
 ) -> Array:
     many = rows(require_type("chain", chain, Chain).n, state)
-    tau: Array = inverse_dynamics_of_many(chain.arrays, world_wrenches([chain], many[0], tip_wrench, frame), *many)
+    tau: Array = rne.inverse_dynamics_of_many(chain.arrays, world_wrenches([chain], many[0], tip_wrench, frame), *many)
     if is_finite(tau.reshape(-1)):
         return tau
     return each(inverse_dynamics, chain, state, tip_wrench=tip_wrench, frame=frame)  # its error names the state
@@ -283,6 +295,10 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> 
     >>> print(M.shape, M[0, 0].round(3))  # kg m² about the first joint
     (6, 6) 12.181
     """
+    if algorithm == "composite" and type(chain) is Chain:
+        M = np.zeros((chain.n, chain.n))
+        if composite(chain)(q, M):
+            return M
     n, kernel = require_type("chain", chain, Chain).n, require_one_of("algorithm", algorithm, MASS_ALGORITHMS)
     if algorithm not in algorithms_of(chain):
         allowed = " or ".join(map(repr, algorithms_of(chain)))
@@ -304,3 +320,10 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> 
             f"the mass matrix of {chain.name!r} overflows float64; use smaller masses and lengths", id="overflow"
         )
     return M
+
+
+@bound
+def composite(chain: Chain) -> Bound:
+    """Mass matrix of a chain by composite bodies, a function of (q, M), where M is zero."""
+    n, work = chain.n, mass.composite_workspace(chain.arrays)
+    return bind(mass.mass_matrix, (chain.arrays, work), np.zeros(n), np.zeros((n, n)))

@@ -166,7 +166,8 @@ class MethodSteps:
     def _choose_branches(self) -> None:
         """Choose for every motor whether it follows its law or stays at a torque limit in the next adaptive step."""
         if self.run.controlled and self.inputs is not self.given:  # only then do steps write torque limits
-            choose_branches(self.time, self.inputs, self.state, self.work)
+            drive, work, (q, qd, *_) = self.inputs.drive, self.work, self.state
+            choose_branches(self.time, drive, q, qd, work.springs, work.saturation)
 
     def aim(self, start: float, end: float) -> None:
         """Begin a piece between two times [s], at which torques may jump."""

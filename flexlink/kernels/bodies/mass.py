@@ -9,6 +9,7 @@ The first two methods work only for arms like the paper's: serial chains of revo
 return its trace. The code of the last method works for one state or for eight states side by side (`lanes`).
 """
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,9 @@ import numpy as np
 from flexlink.kernels.geometry.branches import fork_lanes, fork_rows, rows_of_forks
 from flexlink.kernels.geometry.kinematics import KinematicsWork, kinematics, kinematics_workspace
 from flexlink.kernels.layout import SLIDES
+from flexlink.kernels.tools.address import records
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
+from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import (
     LANES,
     Turns,
@@ -261,6 +264,18 @@ def mass_composite(chain, q, M):
     """Write M by composite bodies in inertial axes; return its trace."""
     composite(chain, q, M, composite_workspace(chain))
     return trace(M)
+
+
+def mass_matrix(address, q, M):
+    """Write M by composite bodies; return whether q has n finite values and M is finite.
+
+    Records: the chain and the scratch of `composite`. `M` (n, n) is zero.
+    """
+    chain, work = records(address)
+    if len(q) != len(M):
+        return False
+    composite(chain, q, M, work)
+    return is_finite(q) and math.isfinite(trace(M))
 
 
 @recursion

@@ -17,7 +17,9 @@ import numpy as np
 
 from flexlink.kernels.geometry.branches import fork_lanes, fork_rows
 from flexlink.kernels.layout import SLIDES
+from flexlink.kernels.tools.address import records
 from flexlink.kernels.tools.compiler import inlined, kernel, subroutine
+from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import (
     LANES,
     Turns,
@@ -63,12 +65,17 @@ def rne_workspace(chain):
     return RneWork(np.empty((len(chain.hinges), 2)), np.empty((len(chain.bodies), 6)), fork_rows(chain, 15))
 
 
-@kernel
-def inverse_dynamics(chain, wrench, q, qd, qdd):
-    """Return τ = M q̈ + T_GC in a new array (n,), under the chain's gravity."""
-    tau = np.empty(len(q))
-    rne(chain, vector(chain.gravity), wrench, q, qd, qdd, tau, rne_workspace(chain))
-    return tau
+def inverse_dynamics(address, wrench, q, qd, qdd, tau):
+    """Write τ = M q̈ + T_GC; return whether the state has n finite values each and τ is finite.
+
+    Records: the chain, with its gravity, and the scratch of `rne`.
+    """
+    chain, work = records(address)
+    n = len(tau)
+    if not (len(q) == n and len(qd) == n and len(qdd) == n):
+        return False
+    rne(chain, vector(chain.gravity), wrench, q, qd, qdd, tau, work)
+    return is_finite(q) and is_finite(qd) and is_finite(qdd) and is_finite(tau)
 
 
 @kernel

@@ -80,17 +80,6 @@ def forward_derivatives_workspace(bodies, hinges, gravity, rare):
     )  # fmt: skip
 
 
-@kernel
-def forward_derivatives(bodies, hinges, gravity, rare, wrench, q, qd, tau, found):
-    """Write ∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX to `found` (3, n, n); return whether all values are finite.
-
-    The column of a prescribed joint in ∂q̈/∂T_EX is the derivative with respect to its given acceleration.
-    """
-    work = forward_derivatives_workspace(bodies, hinges, gravity, rare)
-    chain, slopes = ChainArrays(bodies, hinges, gravity, rare), (found[0], found[1], found[2])
-    return derivatives_in_space(chain, wrench, q, qd, tau, slopes, work)
-
-
 @subroutine
 def derivatives_in_space(chain, wrench, q, qd, tau, found, work):
     """Write the three derivatives to `found`, (n, n) each; return whether all are finite. `work` is scratch."""

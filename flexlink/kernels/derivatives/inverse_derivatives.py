@@ -41,9 +41,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.kernels.geometry.branches import fork_rows
-from flexlink.kernels.layout import SLIDES, ChainArrays
+from flexlink.kernels.layout import SLIDES
+from flexlink.kernels.tools.address import records
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
-from flexlink.kernels.tools.finite import are_finite
+from flexlink.kernels.tools.finite import are_finite, is_finite
 from flexlink.kernels.tools.lanes import LANES, at, put_at, put_eight, vec_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.records import added, keep, kept
@@ -139,13 +140,16 @@ def derivatives_workspace(chain):
     return InverseDerivativesWork(slopes[0], slopes[1], slopes[2], slopes[3], slopes[4], motion_workspace(chain))
 
 
-@kernel
-def all_inverse_derivatives(bodies, hinges, gravity, rare, wrench, q, qd, qdd, found):
-    """Write ∂τ/∂q, ∂τ/∂q̇ and ∂τ/∂q̈ = M to `found` (3, n, n); return whether all values are finite.
+def all_inverse_derivatives(address, wrench, q, qd, qdd, found):
+    """Write ∂τ/∂q, ∂τ/∂q̇ and ∂τ/∂q̈ = M to `found` (3, n, n); return whether all values are finite, n in each array.
 
-    The chain's arrays are separate arguments because identifying the type of a tuple takes half a microsecond per call.
+    Records: the chain and the scratch of `inverse_derivatives`.
     """
-    return load_slopes(ChainArrays(bodies, hinges, gravity, rare), wrench, False, q, qd, qdd, found)
+    chain, work = records(address)
+    n = found.shape[1]
+    if not (len(q) == n and len(qd) == n and len(qdd) == n and is_finite(q) and is_finite(qd) and is_finite(qdd)):
+        return False
+    return inverse_derivatives(chain, wrench, q, qd, qdd, (found[0], found[1], found[2]), work)
 
 
 @kernel

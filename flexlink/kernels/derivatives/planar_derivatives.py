@@ -20,9 +20,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.bodies.plane import BASE, LINK, in_plane, planar_workspace
+from flexlink.kernels.bodies.plane import BASE, LINK, PlanarWork, in_plane, planar_workspace
 from flexlink.kernels.derivatives.forward_derivatives import (
     VARIABLE,
+    ForwardDerivativesWork,
+    begin,
+    derivatives_in_space,
     force_loads,
     friction_derivative,
     joint_loads,
@@ -32,8 +35,8 @@ from flexlink.kernels.derivatives.inverse_derivatives import keep_columns
 from flexlink.kernels.forces.elements import find_slopes, force_slopes_of, forces_of
 from flexlink.kernels.forward.mass_plus_plane import PlanePosture, levers_alone, turn_levers
 from flexlink.kernels.forward.solvers import forward_dynamics
-from flexlink.kernels.layout import ChainArrays
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion
+from flexlink.kernels.tools.address import records
+from flexlink.kernels.tools.compiler import by_type, inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.finite import are_finite, is_finite
 from flexlink.kernels.tools.lanes import LANES, at, put_at, put_lanes, put_vec_of, vec, vec_of, zero_of
 from flexlink.kernels.tools.numbered import numbered
@@ -59,31 +62,66 @@ class PlanarDerivativesWork(NamedTuple):
     x: Any  # (3, n, 8)
 
 
+class OneState(NamedTuple):
+    """Scratch of `derivatives_in_plane`: of forward dynamics, of the columns, and of force elements."""
+
+    planar: PlanarWork
+    solution: Any  # (2, n) torques and q̈
+    columns: PlanarDerivativesWork
+    slopes: Any  # None for a plain chain
+
+
 @kernel
-def planar_derivatives(bodies, hinges, gravity, rare, wrench, q, qd, tau, found):
-    """Write the derivatives of `forward_derivatives` to `found` (3, n, n); return whether all values are finite."""
-    n, planar = len(q), planar_workspace(bodies, hinges, gravity, rare)
-    qdd, levers, lanes = np.zeros(n), np.empty((2, n, 2)), np.empty((6, n, LANES))
-    forward_dynamics(wrench, q, qd, tau.copy(), qdd, planar)
-    posture = levers_alone(planar, levers)
-    weights = np.zeros((2, LANES + 1, LANES))
-    work = PlanarDerivativesWork(posture, np.empty((n, ROW.size)), weights[0], weights[1], lanes[:3], lanes[3:])
-    slopes = force_slopes_of(ChainArrays(bodies, hinges, gravity, rare), planar.forces)
-    if rare is not None:
-        find_slopes(slopes, q, qd)
-    differentiate(planar.base, wrench, qd, work)
-    for first in range((n - 1) // LANES * LANES, -1, -LANES):
+def planar_derivatives_workspace(chain):
+    """Scratch of `derivatives_in_plane` for a chain."""
+    n, planar = len(chain.hinges), planar_workspace(chain.bodies, chain.hinges, chain.gravity, chain.rare)
+    posture, lanes, weights = (
+        levers_alone(planar, np.empty((2, n, 2))),
+        np.empty((6, n, LANES)),
+        np.zeros((2, 9, LANES)),
+    )
+    columns = PlanarDerivativesWork(posture, np.empty((n, ROW.size)), weights[0], weights[1], lanes[:3], lanes[3:])
+    return OneState(planar, np.empty((2, n)), columns, force_slopes_of(chain, planar.forces))
+
+
+@subroutine
+def derivatives_in_plane(chain, wrench, q, qd, tau, found, work):
+    """Write the three derivatives to `found`, (n, n) each; return whether all are finite. `work` is scratch."""
+    hinges, torque, qdd, columns = chain.hinges, work.solution[0], work.solution[1], work.columns
+    begin(tau, torque, qdd)
+    forward_dynamics(wrench, q, qd, torque, qdd, work.planar)
+    if work.slopes is not None:
+        find_slopes(work.slopes, q, qd)
+    differentiate(work.planar.base, wrench, qd, columns)
+    for first in range((len(q) - 1) // LANES * LANES, -1, -LANES):
         for variable in range(3):
-            joint_loads(hinges, qd, variable, first, work.r[variable])
-            if rare is not None and slopes.act and variable != VARIABLE.tau:
-                force_loads(slopes.found[variable], first, work.r[variable])
-        weigh(hinges, first, work)
-        solve(first, work)
+            joint_loads(hinges, qd, variable, first, columns.r[variable])
+            if work.slopes is not None and work.slopes.act and variable != VARIABLE.tau:
+                force_loads(work.slopes.found[variable], first, columns.r[variable])
+        weigh(hinges, first, columns)
+        solve(first, columns)
         for variable in range(3):
-            keep_columns(work.x[variable], first, found[variable])
+            keep_columns(columns.x[variable], first, found[variable])
     keep_prescribed(hinges, found[VARIABLE.tau])
-    finite = is_finite(q) and is_finite(qd) and is_finite(tau) and is_finite(qdd)
-    return finite and are_finite((found[0], found[1], found[2]))
+    return is_finite(q) and is_finite(qd) and is_finite(tau) and is_finite(qdd) and are_finite(found)
+
+
+@by_type({OneState: derivatives_in_plane, ForwardDerivativesWork: derivatives_in_space})
+def derivatives_into(chain, wrench, q, qd, tau, found, work):
+    """Write ∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX to `found`, (n, n) each; return whether all are finite."""
+
+
+def all_forward_derivatives(address, wrench, q, qd, tau, found):
+    """Write the derivatives to `found` (3, n, n); return whether all values are finite, n in each array.
+
+    The column of a prescribed joint in ∂q̈/∂T_EX is the derivative with respect to its given acceleration. Records: the
+    chain and the scratch of `derivatives_into`.
+    """
+    chain, work = records(address)
+    n = found.shape[1]
+    if not (len(q) == n and len(qd) == n and len(tau) == n):
+        return False
+    return derivatives_into(chain, wrench, q, qd, tau, (found[0], found[1], found[2]), work)
 
 
 @recursion

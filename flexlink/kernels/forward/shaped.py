@@ -110,11 +110,3 @@ def set_known(M, z, j):
     for l in range(len(z)):
         M[j, l] = M[l, j] = 0.0
     M[j, j] = 1.0
-
-
-@kernel
-def shaped_accelerations(chain, shapes, inverse, wrench, q, qd, tau):
-    """Return q̈ (n,) in a new array."""
-    qdd = np.zeros(len(q))
-    shaped(wrench, q, qd, tau.copy(), qdd, shaped_workspace(chain, shapes, inverse))
-    return qdd

@@ -23,7 +23,9 @@ from flexlink.kernels.forward.known_motion import power_of, take_torques
 from flexlink.kernels.forward.planar import planar
 from flexlink.kernels.forward.shaped import ShapedWork, shaped
 from flexlink.kernels.inputs.tip_wrench import put_wrench
+from flexlink.kernels.tools.address import bind, records
 from flexlink.kernels.tools.compiler import by_type, inlined, kernel, subroutine
+from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import LANES, empty_lanes, keep_lanes, put_lanes
 from flexlink.kernels.tools.solve import solve_cholesky, solve_lu
 from flexlink.kernels.tools.vec3 import vector
@@ -113,12 +115,34 @@ def forward_under(inputs, t, middle, q, qd, tau, qdd, work):
     return power + forward_dynamics(inputs.wrench, q, qd, tau, qdd, work)
 
 
+def accelerations(address, wrench, q, qd, tau, qdd):
+    """Write q̈; return whether the state has n finite values each and q̈ is finite. Records: workspace, spare (n,)."""
+    work, torque = records(address)
+    n = len(torque)
+    if not (len(q) == n and len(qd) == n and len(tau) == n):
+        return False
+    for k in range(n):
+        torque[k], qdd[k] = tau[k], 0.0
+    forward_dynamics(wrench, q, qd, torque, qdd, work)
+    return is_finite(q) and is_finite(qd) and is_finite(tau) and is_finite(qdd)
+
+
 class Solver(NamedTuple):
-    """An algorithm in the form that the argument-checking functions call; each entry is a single compiled call."""
+    """An algorithm in the form that the argument-checking functions call."""
 
     workspace: Callable[..., Any]  # (chain) -> scratch
-    accelerations: Callable[..., Any]  # (chain, wrench, q, qd, tau) -> q̈ in a new array
     lanes_workspace: Callable[..., Any] | None = None  # (bodies, hinges, gravity, rare) of eight chains -> scratch
+
+    def bound(self, chain: Any) -> Callable[..., bool]:
+        """`accelerations` for this chain, a function of (wrench, q, qd, tau, qdd)."""
+        spare = np.zeros((4, len(chain.hinges)))
+        return bind(accelerations, (self.workspace(chain), np.zeros(len(chain.hinges))), np.zeros(6), *spare)
+
+    def accelerations(self, chain: Any, wrench: Any, q: Any, qd: Any, tau: Any) -> Any:
+        """q̈ in a new array, finite or not."""
+        qdd = np.empty(len(q))
+        self.bound(chain)(wrench, q, qd, tau, qdd)
+        return qdd
 
 
 @kernel
@@ -142,34 +166,6 @@ def _cholesky_work(chain):
 
 
 @kernel
-def _planar(chain, wrench, q, qd, tau):
-    qdd = np.zeros(len(q))
-    planar(wrench, q, qd, tau.copy(), qdd, _planar_work(chain))
-    return qdd
-
-
-@kernel
-def _articulated(chain, wrench, q, qd, tau):
-    qdd = np.zeros(len(q))
-    articulated(wrench, q, qd, tau.copy(), qdd, _articulated_work(chain))
-    return qdd
-
-
-@kernel
-def _lu(chain, wrench, q, qd, tau):
-    qdd = np.zeros(len(q))
-    dense(wrench, q, qd, tau.copy(), qdd, _lu_work(chain))
-    return qdd
-
-
-@kernel
-def _cholesky(chain, wrench, q, qd, tau):
-    qdd = np.zeros(len(q))
-    dense(wrench, q, qd, tau.copy(), qdd, _cholesky_work(chain))
-    return qdd
-
-
-@kernel
 def accelerations_of_many(work, wrench, q, qd, tau):
     """q̈ of many states (b, n) with wrenches (b, 6) for the chains of a workspace, eight states side by side.
 
@@ -189,6 +185,6 @@ def accelerations_of_many(work, wrench, q, qd, tau):
     return qdd
 
 
-LU, CHOLESKY = Solver(_lu_work, _lu), Solver(_cholesky_work, _cholesky)
-ARTICULATED = Solver(_articulated_work, _articulated, articulated_lanes_workspace)
-PLANAR = Solver(_planar_work, _planar, planar_lanes_workspace)
+LU, CHOLESKY = Solver(_lu_work), Solver(_cholesky_work)
+ARTICULATED = Solver(_articulated_work, articulated_lanes_workspace)
+PLANAR = Solver(_planar_work, planar_lanes_workspace)

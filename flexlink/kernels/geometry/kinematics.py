@@ -10,7 +10,9 @@ import numpy as np
 
 from flexlink.kernels.geometry.branches import loaded_body
 from flexlink.kernels.layout import SLIDES
+from flexlink.kernels.tools.address import records
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion
+from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import at, cos_sin_of, position_of, put_vec_of, vec_of, zero_of
 from flexlink.kernels.tools.rare import rarely
 from flexlink.kernels.tools.vec3 import (
@@ -123,6 +125,44 @@ def motion_of(chain, body, qd, placed):
                 ω, v = add_scaled(ω, qd[k], e), add(v, scale(qd[k], cross(e, lever)))
         i = chain.bodies[i].parent - 1
     return ω, v
+
+
+def body_point(address, body, q, point):
+    """Write the hinge point of a body, given by its index; return whether q has n finite values.
+
+    Records: the chain and the results of `kinematics`.
+    """
+    chain, placed = records(address)
+    if len(q) != len(placed.axes) or not is_finite(q):
+        return False
+    kinematics(chain, q, placed)
+    put(point, vector(placed.points[body]))
+    return True
+
+
+def jacobian(address, body, offset, q, found):
+    """Write J_v and J_ω of a point to `found` (2, 3, n); return whether q has n finite values.
+
+    `body` is the body's index, `offset` (3,) the point in its frame. Records: the chain and the results of
+    `kinematics`.
+    """
+    chain, placed = records(address)
+    if len(q) != len(placed.axes) or not is_finite(q):
+        return False
+    kinematics(chain, q, placed)
+    found[:, :, :] = 0.0
+    point, i = add(vector(placed.points[body]), apply(placed.rotations[body], vector(offset))), body
+    while i >= 0:
+        lever = sub(point, vector(placed.points[i]))
+        for k in range(chain.bodies[i].first, chain.bodies[i].stop):
+            e = vector(placed.axes[k])
+            if chain.hinges[k].axis >= SLIDES:
+                put(found[0, :, k], e)
+            else:
+                put(found[0, :, k], cross(e, lever))
+                put(found[1, :, k], e)
+        i = chain.bodies[i].parent - 1
+    return True
 
 
 @kernel

@@ -79,9 +79,11 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
             if stepper[STEPPER.step] <= smallest:
                 return OUTCOME.stuck
             continue
-        left_branch = first_switch(t, h, inputs, state, work) if switches else NEVER
+        left_branch = first_switch(t, h, inputs.drive, state, work) if switches else NEVER
         allowed = OF_A_SWITCH * (absolute + part * stepper[STEPPER.deflection])
-        if left_branch < 1.0 and ends_at_switch(left_branch, t, h, smallest, duration, allowed, inputs, state, work):
+        if left_branch < 1.0 and ends_at_switch(
+            left_branch, t, h, smallest, duration, allowed, inputs.drive, state, work
+        ):
             count[COUNT.rejected] += 1
             continue
         off = off_inside(
@@ -99,7 +101,7 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
         count[COUNT.steps] += 1
         accept(h, state, work)
         if switches:
-            choose_branches(stepper[STEPPER.time], inputs, state, work)
+            choose_branches(stepper[STEPPER.time], inputs.drive, state[0], state[1], work.springs, work.saturation)
         if left_branch < NEVER:
             begin_anew(stepper[STEPPER.time], inputs, state, tau, forward, stepper)
         ends = ends and not switch

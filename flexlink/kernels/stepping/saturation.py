@@ -18,7 +18,7 @@ from flexlink.kernels.inputs.laws import unlimited_torque
 from flexlink.kernels.stepping.dense_output import between
 from flexlink.kernels.stepping.error_norm import CLOSER, thrown
 from flexlink.kernels.stepping.step_state import STEPPER
-from flexlink.kernels.tools.compiler import entry, inlined, recursion, subroutine
+from flexlink.kernels.tools.compiler import entry, inlined, recursion, shared, subroutine
 
 LOOKS = 4  # points checked in a step; a torque that leaves its branch only between two of them has a small error
 NEVER = 2.0  # value of x if no torque leaves its branch in the step
@@ -46,42 +46,41 @@ def saturates(drive):
     return drive.rate == 0.0 and least < math.inf
 
 
+@shared
 @entry
-def choose_branches(t, inputs, state, work):
-    """Choose for every drive the branch of its torque at time t: u, E or −E."""
-    drive, now = inputs.drive, work.saturation
-    unlimited_torque(drive, t, t, state[0], state[1], now.torque)
+def choose_branches(t, drive, q, qd, springs, now):
+    """Choose for every drive the branch of its torque at time t: u, E or −E; `now` are its gains and scratch."""
+    unlimited_torque(drive, t, t, q, qd, now.torque)
     for d in range(len(drive.joints)):
         k, E = drive.joints[d], drive.effort[d]
         u = now.torque[k]
         drive.limits[0, d] = E if u > E else -E if u < -E else -math.inf
         drive.limits[1, d] = E if u > E else -E if u < -E else math.inf
-    put_slopes(drive, work)
+    put_slopes(drive, springs, now)
 
 
-@inlined
-def put_slopes(drive, work):
-    """Write the gains of every drive to `work.springs`; 0 if it is saturated."""
+@recursion
+def put_slopes(drive, springs, now):
+    """Write the gains of every drive to `springs`; 0 if it is saturated."""
     for d in range(len(drive.joints)):
         k, saturated = drive.joints[d], drive.limits[0, d] == drive.limits[1, d]
-        work.springs.kp[k] = 0.0 if saturated else work.saturation.kp[k]
-        work.springs.kd[k] = 0.0 if saturated else work.saturation.kd[k]
+        springs.kp[k] = 0.0 if saturated else now.kp[k]
+        springs.kd[k] = 0.0 if saturated else now.kd[k]
 
 
 @recursion
-def follow_limits(inputs, work):
+def follow_limits(drive, springs, now):
     """In the next step, clip at ±E all torques that left their branch in the step just taken, in spite of the kinks."""
-    drive = inputs.drive
     for d in range(len(drive.joints)):
-        if work.saturation.impulse[drive.joints[d]] > 0.0:
+        if now.impulse[drive.joints[d]] > 0.0:
             drive.limits[0, d], drive.limits[1, d] = -drive.effort[d], drive.effort[d]
-    put_slopes(drive, work)
+    put_slopes(drive, springs, now)
 
 
 @recursion
-def beyond(x, t, h, inputs, state, work):
+def beyond(x, t, h, drive, state, work):
     """The largest distance of a torque beyond its branch at the fraction x of the step [N m]; writes all to `off`."""
-    drive, now, largest = inputs.drive, work.saturation, -math.inf
+    now, largest = work.saturation, -math.inf
     between(x, h, state, now.angles, now.rates, work)
     unlimited_torque(drive, t + x * h, t + 0.5 * h, now.angles, now.rates, now.torque)
     for d in range(len(drive.joints)):
@@ -97,15 +96,15 @@ def beyond(x, t, h, inputs, state, work):
 
 
 @subroutine
-def first_switch(t, h, inputs, state, work):
+def first_switch(t, h, drive, state, work):
     """Fraction x of the step just taken at which a torque first leaves its branch; `NEVER` if none does."""
-    a, f_a = 0.0, min(0.0, beyond(0.0, t, h, inputs, state, work))
+    a, f_a = 0.0, min(0.0, beyond(0.0, t, h, drive, state, work))
     b, f_b, look = 0.0, f_a, 0
     while f_b <= 0.0 and look < LOOKS:
         look += 1
         a, f_a = b, f_b
         b = look / LOOKS
-        f_b = beyond(b, t, h, inputs, state, work)
+        f_b = beyond(b, t, h, drive, state, work)
     if not f_b > 0.0:
         return NEVER
     for _ in range(ROOT_PASSES):  # the Illinois rule; at b a torque is always beyond its branch
@@ -113,7 +112,7 @@ def first_switch(t, h, inputs, state, work):
             break
         x = (a * f_b - b * f_a) / (f_b - f_a) if f_b < math.inf and f_a > -math.inf else 0.5 * (a + b)
         x = min(max(x, a + 0.01 * (b - a)), b - 0.01 * (b - a))
-        f = beyond(x, t, h, inputs, state, work)
+        f = beyond(x, t, h, drive, state, work)
         if f > 0.0:
             b, f_b, f_a = x, f, 0.5 * f_a
         else:
@@ -122,17 +121,17 @@ def first_switch(t, h, inputs, state, work):
 
 
 @subroutine
-def thrown_by(x, t, h, longest, inputs, state, work):
+def thrown_by(x, t, h, longest, drive, state, work):
     """Largest displacement [m] of a body, in any time up to `longest`, due to torque errors after the fraction x."""
     springs, now = work.springs, work.saturation
     for k in range(len(now.impulse)):
         now.impulse[k] = 0.0
     for look in range(LOOKS, 0, -1):
         if look > x * LOOKS:
-            beyond(look / LOOKS, t, h, inputs, state, work)
-            for k in inputs.drive.joints:
+            beyond(look / LOOKS, t, h, drive, state, work)
+            for k in drive.joints:
                 now.impulse[k] = max(now.impulse[k], (1.0 - x) * h * now.off[k])
-    for k in inputs.drive.joints:
+    for k in drive.joints:
         springs.kp[k] = springs.kd[k] = 0.0
     τ, largest = longest, 0.0
     while τ > h or τ == longest:
@@ -141,19 +140,19 @@ def thrown_by(x, t, h, longest, inputs, state, work):
         work.stepper[STEPPER.weighed] += 1.0
         largest = max(largest, thrown(τ, springs, work.posture, work.chain))
         τ *= CLOSER
-    put_slopes(inputs.drive, work)
+    put_slopes(drive, springs, now)
     return largest
 
 
 @recursion
-def ends_at_switch(x, t, h, shortest, longest, allowed, inputs, state, work):
+def ends_at_switch(x, t, h, shortest, longest, allowed, drive, state, work):
     """Whether to repeat the step up to just after x, since later errors displace a body by more than `allowed` [m]."""
-    off = thrown_by(x, t, h, longest, inputs, state, work)
+    off = thrown_by(x, t, h, longest, drive, state, work)
     if off <= allowed:
         return False
     again = (x + 0.5 * math.sqrt(allowed / off) * (1.0 - x)) * h  # δ grows with the square of the time after x
     work.stepper[STEPPER.switch] = t + again
     if again <= shortest:
         work.stepper[STEPPER.switch] = 0.0
-        follow_limits(inputs, work)
+        follow_limits(drive, work.springs, work.saturation)
     return True

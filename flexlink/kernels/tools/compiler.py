@@ -99,6 +99,11 @@ def entry(function: Callable[..., Any]) -> Any:
     return _compile(function, **BORROWS)
 
 
+def entry_under_lock(function: Callable[..., Any]) -> Any:
+    """An `entry` that holds Python's lock during the call, so that threads can share its scratch."""
+    return _compile(function, nogil=False, **BORROWS)
+
+
 def inlined(function: Callable[..., Any]) -> Any:
     """A short recursion, such as a formula, that is always inlined, so that loops can be vectorized."""
     return _compile(function, forceinline=True, **BORROWS, **ONLY_KERNELS)
@@ -155,7 +160,8 @@ def of_each(
 
 
 def _compile(function: Callable[..., Any], **options: Any) -> Any:
-    compiled = numba.njit(nogil=True, pipeline_class=KernelCompiler, **ARITHMETIC, **{**NO_C, **options})(function)
+    options = {"nogil": True, **ARITHMETIC, **NO_C, **options}
+    compiled = numba.njit(pipeline_class=KernelCompiler, **options)(function)
     if not numba.config.DISABLE_JIT:
         keep_on_disk(compiled)
         if options.keys() >= ONLY_KERNELS.keys():
