@@ -17,6 +17,8 @@ import flexlink as fl
 
 KINDS = "tree", "space", "plane", "cells", "free"
 """Names of the scenes in `data/`, in order of decreasing compile time."""
+BY_MODES = "space", "plane"
+"""Scenes whose links are also described by modes of bending."""
 
 
 def scene_of(name: str) -> fl.Scene:
@@ -35,6 +37,20 @@ def calls(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
         yield method, functools.partial(fl.simulate, _by(scene, method))
     yield from _of_states(scene)
     yield from _of_runs(scene)
+    if scene.name in BY_MODES:
+        yield from _of_modes(scene.varied({"link.*.modes": 1}))
+
+
+def _of_modes(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
+    """Functions that have code of their own for chains whose hinges move by shapes."""
+    chain = fl.lump(scene)
+    state = np.full((3, chain.n), 0.1)
+    for name in ("forward_dynamics", "forward_dynamics_derivatives"):
+        yield f"{name} by modes", functools.partial(getattr(fl, name), chain, *state)
+    for name in ("modes", "solve_static"):
+        yield f"{name} by modes", functools.partial(getattr(fl, name), chain, locked=chain.active)
+    for method in ("RK4", "DOP853", "Radau5", "auto"):
+        yield f"{method} by modes", functools.partial(fl.simulate, _by(scene, method))
 
 
 def _by(scene: fl.Scene, method: str) -> fl.Scene:

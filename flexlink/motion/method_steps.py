@@ -109,7 +109,9 @@ class MethodSteps:
         self.aim(start, start)
         self._begun = start, self.inputs
         if run.controlled:
-            arguments, types = (self.work, self.state, self.settings, run.duration, self.tau), self.types
+            work, types = self.work, self.types
+            parts = work.stepper, work.posture, work.springs, work.chain
+            arguments = *parts, self.state, self.settings, run.duration, self.tau
             find = functools.partial(direct, adaptive.first_step, *arguments, types=types)
             record.kept("first step", (types, self.method), find)(*arguments)
             self.work.stepper[STEPPER.deflection] = min(self.work.stepper[STEPPER.deflection], record.chain.size)

@@ -105,7 +105,8 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
         if left_branch < NEVER:
             begin_anew(stepper[STEPPER.time], inputs, state, tau, forward, stepper)
         ends = ends and not switch
-        stepper[STEPPER.deflection] = max(stepper[STEPPER.deflection], spring_displacement(state[0], tau, work))
+        bend = spring_displacement(state[0], tau, work.posture, work.chain)
+        stepper[STEPPER.deflection] = max(stepper[STEPPER.deflection], bend)
         if not ends:
             pass_knots(t + (1.0 + AT_THE_END) * h, knots, count)
         else:
@@ -140,22 +141,20 @@ def pass_knots(t, knots, count):
 
 
 @entry
-def first_step(work, state, settings, duration, bent):
+def first_step(stepper, posture, springs, chain, state, settings, duration, bent):
     """Set the deflection, and a first step in which q̈ moves no body by more than the tolerance of a step.
 
     `bent` (n,) is scratch.
     """
     absolute, part, largest = settings[0], settings[1], settings[8]
     q, qd, qdd = state[0], state[1], state[2]
-    stepper, τ = work.stepper, min(work.stepper[STEPPER.inverse_ω1], duration)
-    place_bodies(q, work.posture)
-    stepper[STEPPER.deflection] = spring_displacement(q, bent, work)
+    τ = min(stepper[STEPPER.inverse_ω1], duration)
+    place_bodies(q, posture)
+    stepper[STEPPER.deflection] = spring_displacement(q, bent, posture, chain)
     for k in range(len(q)):  # for an arm with relaxed springs: deflection due to q̇ and q̈ in the time 1 / ω₁
         bent[k] = qd[k] + τ * qdd[k]
-    stepper[STEPPER.deflection] = max(
-        stepper[STEPPER.deflection], deflection_norm(τ, bent, work.springs, work.posture, work.chain)
-    )
-    moves = displacement(qdd, work.posture)
+    stepper[STEPPER.deflection] = max(stepper[STEPPER.deflection], deflection_norm(τ, bent, springs, posture, chain))
+    moves = displacement(qdd, posture)
     stepper[STEPPER.step] = min(largest, 0.01 * duration)
     if moves > 0.0:
         tolerance = absolute + part * stepper[STEPPER.deflection]
@@ -163,12 +162,12 @@ def first_step(work, state, settings, duration, bent):
 
 
 @recursion
-def spring_displacement(q, bent, work):
+def spring_displacement(q, bent, posture, chain):
     """Largest displacement [m] of a body due to the deflections of all springs; `bent` (n,) is scratch."""
     for k in range(len(q)):
-        hinge = work.chain.hinges[k]
+        hinge = chain.hinges[k]
         bent[k] = q[k] - hinge.rest if hinge.stiffness > 0.0 else 0.0
-    return displacement(bent, work.posture)
+    return displacement(bent, posture)
 
 
 @shared

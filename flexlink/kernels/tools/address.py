@@ -45,7 +45,7 @@ def bind(kernel: Callable[..., Any], given: tuple[Any, ...], *example: Any) -> C
     if numba.config.DISABLE_JIT:
         return functools.partial(_with_records(kernel, lambda address: given, ""), 0)
     key = kernel, types_of(given), types_of(example)
-    memory = np.array([*words(given)], np.uint64)
+    memory = np.array([*words(given)], np.int64)
     if key not in _BOUND:
         _BOUND[key] = _compiled(kernel, numba.typeof(given), memory.ctypes.data, example)
     call = functools.partial(_BOUND[key], memory.ctypes.data)
@@ -64,10 +64,10 @@ def words(given: Any) -> Iterator[int]:
     elif isinstance(
         given, np.ndarray
     ):  # neither counted (0, 0) nor owned; size, bytes of an item, data, shape, strides
-        yield from (0, 0, given.size, given.itemsize, given.__array_interface__["data"][0], *given.shape)
-        yield from (stride % 2**64 for stride in given.strides)
+        place = given.__array_interface__["data"][0]
+        yield from (0, 0, given.size, given.itemsize, place, *given.shape, *given.strides)
     elif isinstance(given, float):
-        yield int(np.float64(given).view(np.uint64))
+        yield int(np.float64(given).view(np.int64))
     else:
         yield 0 if given is None else int(given)
 

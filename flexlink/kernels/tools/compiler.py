@@ -121,6 +121,7 @@ def by_type(algorithms: dict[type, Any]) -> Callable[[Callable[..., Any]], Calla
             return algorithms[type(arguments[-1])](*arguments)
 
         choose(call, algorithms)
+        call.algorithms = algorithms  # type: ignore[attr-defined]
         return call
 
     return decorate
