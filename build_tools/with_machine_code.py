@@ -1,7 +1,7 @@
 """Build backend: setuptools, which also compiles the solver for wheels, like a native extension.
 
-FLEXLINK_COMPILE lists the CPU families of a wheel, for example "x86-64-v3 x86-64-v4"; by default the code is for the CPU
-of the build machine. With "no", or if compilation fails, the code is compiled on first use, as it is in an editable
+FLEXLINK_COMPILE lists the CPU families of a wheel, for example "x86-64-v3 x86-64-v4"; by default the code is for the
+CPU of the build machine. With "no", or if compilation fails, the code is compiled on first use, as it is in an editable
 install.
 """
 

@@ -22,16 +22,13 @@ from flexlink.dynamics.free_motion import basis
 from flexlink.dynamics.result import Result
 from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.kernels.derivatives.forward_derivatives import forward_derivatives_workspace
-from flexlink.kernels.derivatives.inverse_derivatives import all_inverse_derivatives, derivatives_workspace
-from flexlink.kernels.derivatives.of_many import (
+from flexlink.kernels.derivatives.inverse_derivatives import derivatives_workspace
+from flexlink.kernels.derivatives.of_states import (
+    derivatives,
     forward_derivatives_of_many,
     inverse_derivatives_of_many,
 )
-from flexlink.kernels.derivatives.planar_derivatives import (
-    all_forward_derivatives,
-    planar_derivatives_of_many,
-    planar_derivatives_workspace,
-)
+from flexlink.kernels.derivatives.planar_derivatives import planar_derivatives_of_many, planar_derivatives_workspace
 from flexlink.kernels.tools.address import bind
 
 
@@ -209,7 +206,7 @@ def forward_dynamics_derivatives(
 @bound
 def inverse_derivatives(chain: Chain) -> Bound:
     """Derivatives of a chain's inverse dynamics, a function of (wrench, q, qd, qdd, found)."""
-    return _bound(chain, all_inverse_derivatives, derivatives_workspace(chain.arrays))
+    return derivatives_by(chain, derivatives_workspace(chain.arrays))
 
 
 @bound
@@ -217,12 +214,13 @@ def forward_derivatives(chain: Chain) -> Bound:
     """Derivatives of a chain's forward dynamics, a function of (wrench, q, qd, tau, found)."""
     arrays = chain.arrays
     work = planar_derivatives_workspace(arrays) if chain.is_planar else forward_derivatives_workspace(*arrays)
-    return _bound(chain, all_forward_derivatives, work)
+    return derivatives_by(chain, work)
 
 
-def _bound(chain: Chain, kernel: Callable[..., bool], work: Any) -> Bound:
+def derivatives_by(chain: Chain, work: Any) -> Bound:
+    """The derivatives that the type of the scratch `work` selects."""
     n = chain.n
-    return bind(kernel, (chain.arrays, work), np.zeros(6), *np.zeros((3, n)), np.zeros((3, n, n)))
+    return bind(derivatives, (chain.arrays, work), np.zeros(6), *np.zeros((3, n)), np.zeros((3, n, n)))
 
 
 def _shaped_derivatives(chain: Chain, wrench: Array, q: Array, qd: Array, tau: Array, found: Array) -> bool:

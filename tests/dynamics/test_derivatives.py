@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 import flexlink as fl
 from flexlink import Chain, Joint, Link, Mount, PrescribedMotion, RigidBody
 from flexlink.describe.spec import Vector3
+from flexlink.dynamics.derivatives import derivatives_by
 from flexlink.errors import ArgumentError, SingularMassError
-from flexlink.kernels.derivatives.forward_derivatives import forward_derivatives
-from flexlink.kernels.derivatives.planar_derivatives import planar_derivatives
+from flexlink.kernels.derivatives.forward_derivatives import forward_derivatives_workspace
+from flexlink.kernels.derivatives.planar_derivatives import planar_derivatives_workspace
 from tests.conftest import flexible, make_scene, nasty_scene, random_state
 from tests.support.words import refused
 from validation.oracles.spatial_chain import DIFFERENCES, SpatialChain, accelerations, derivatives, exactly
@@ -148,9 +149,10 @@ def test_planar_and_spatial_recursions_give_the_same_derivatives(rng: np.random.
     for motions in ((), (motion,)):
         chain = fl.lump(make_scene(*links, gravity=(1.0, 9.81, 2.0), motion=motions))
         q, qd = bent_state(chain, rng)
-        state = *chain.arrays, rng.normal(size=6), q, qd, rng.normal(size=chain.n)
+        state = rng.normal(size=6), q, qd, rng.normal(size=chain.n)
         plane, space = np.empty((2, 3, chain.n, chain.n))
-        assert chain.is_planar and planar_derivatives(*state, plane) and forward_derivatives(*state, space)
+        assert chain.is_planar and derivatives_by(chain, planar_derivatives_workspace(chain.arrays))(*state, plane)
+        assert derivatives_by(chain, forward_derivatives_workspace(*chain.arrays))(*state, space)
         assert max(map(off, plane, space)) <= CLOSE
 
 

@@ -82,7 +82,10 @@ def forward_derivatives_workspace(bodies, hinges, gravity, rare):
 
 @subroutine
 def derivatives_in_space(chain, wrench, q, qd, tau, found, work):
-    """Write the three derivatives to `found`, (n, n) each; return whether all are finite. `work` is scratch."""
+    """Write ∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX to `found`, (n, n) each; return whether all are finite. `work` is scratch.
+
+    The column of a prescribed joint in ∂q̈/∂T_EX is the derivative with respect to its given acceleration.
+    """
     n, hinges, factors, torque, qdd = len(q), chain.hinges, work.factors, work.solution[0], work.solution[1]
     begin(tau, torque, qdd)
     forward_dynamics(wrench, q, qd, torque, qdd, factors)

@@ -42,9 +42,8 @@ import numpy as np
 
 from flexlink.kernels.geometry.branches import fork_rows
 from flexlink.kernels.layout import SLIDES
-from flexlink.kernels.tools.address import records
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
-from flexlink.kernels.tools.finite import are_finite, is_finite
+from flexlink.kernels.tools.finite import are_finite
 from flexlink.kernels.tools.lanes import LANES, at, put_at, put_eight, vec_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.records import added, keep, kept
@@ -138,18 +137,6 @@ def derivatives_workspace(chain):
     n = len(chain.hinges)
     slopes = np.empty((5, -(-n // LANES), n, LANES))
     return InverseDerivativesWork(slopes[0], slopes[1], slopes[2], slopes[3], slopes[4], motion_workspace(chain))
-
-
-def all_inverse_derivatives(address, wrench, q, qd, qdd, found):
-    """Write ∂τ/∂q, ∂τ/∂q̇ and ∂τ/∂q̈ = M to `found` (3, n, n); return whether all values are finite, n in each array.
-
-    Records: the chain and the scratch of `inverse_derivatives`.
-    """
-    chain, work = records(address)
-    n = found.shape[1]
-    if not (len(q) == n and len(qd) == n and len(qdd) == n and is_finite(q) and is_finite(qd) and is_finite(qdd)):
-        return False
-    return inverse_derivatives(chain, wrench, q, qd, qdd, (found[0], found[1], found[2]), work)
 
 
 @kernel

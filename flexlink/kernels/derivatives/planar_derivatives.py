@@ -23,9 +23,7 @@ import numpy as np
 from flexlink.kernels.bodies.plane import BASE, LINK, PlanarWork, in_plane, planar_workspace
 from flexlink.kernels.derivatives.forward_derivatives import (
     VARIABLE,
-    ForwardDerivativesWork,
     begin,
-    derivatives_in_space,
     force_loads,
     friction_derivative,
     joint_loads,
@@ -35,8 +33,7 @@ from flexlink.kernels.derivatives.inverse_derivatives import keep_columns
 from flexlink.kernels.forces.elements import find_slopes, force_slopes_of, forces_of
 from flexlink.kernels.forward.mass_plus_plane import PlanePosture, levers_alone, turn_levers
 from flexlink.kernels.forward.solvers import forward_dynamics
-from flexlink.kernels.tools.address import records
-from flexlink.kernels.tools.compiler import by_type, inlined, kernel, recursion, subroutine
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.finite import are_finite, is_finite
 from flexlink.kernels.tools.lanes import LANES, at, put_at, put_lanes, put_vec_of, vec, vec_of, zero_of
 from flexlink.kernels.tools.numbered import numbered
@@ -86,7 +83,7 @@ def planar_derivatives_workspace(chain):
 
 @subroutine
 def derivatives_in_plane(chain, wrench, q, qd, tau, found, work):
-    """Write the three derivatives to `found`, (n, n) each; return whether all are finite. `work` is scratch."""
+    """Write what `derivatives_in_space` writes; return whether all values are finite."""
     hinges, torque, qdd, columns = chain.hinges, work.solution[0], work.solution[1], work.columns
     begin(tau, torque, qdd)
     forward_dynamics(wrench, q, qd, torque, qdd, work.planar)
@@ -104,24 +101,6 @@ def derivatives_in_plane(chain, wrench, q, qd, tau, found, work):
             keep_columns(columns.x[variable], first, found[variable])
     keep_prescribed(hinges, found[VARIABLE.tau])
     return is_finite(q) and is_finite(qd) and is_finite(tau) and is_finite(qdd) and are_finite(found)
-
-
-@by_type({OneState: derivatives_in_plane, ForwardDerivativesWork: derivatives_in_space})
-def derivatives_into(chain, wrench, q, qd, tau, found, work):
-    """Write ∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX to `found`, (n, n) each; return whether all are finite."""
-
-
-def all_forward_derivatives(address, wrench, q, qd, tau, found):
-    """Write the derivatives to `found` (3, n, n); return whether all values are finite, n in each array.
-
-    The column of a prescribed joint in ∂q̈/∂T_EX is the derivative with respect to its given acceleration. Records: the
-    chain and the scratch of `derivatives_into`.
-    """
-    chain, work = records(address)
-    n = found.shape[1]
-    if not (len(q) == n and len(qd) == n and len(tau) == n):
-        return False
-    return derivatives_into(chain, wrench, q, qd, tau, (found[0], found[1], found[2]), work)
 
 
 @recursion

@@ -1,4 +1,4 @@
-"""Derivatives of forward and inverse dynamics at many states of a chain, computed in turn with the same scratch."""
+"""Derivatives of forward and inverse dynamics at one state or at many; the type of the scratch selects which ones."""
 
 from flexlink.kernels.derivatives.forward_derivatives import (
     ForwardDerivativesWork,
@@ -10,11 +10,15 @@ from flexlink.kernels.derivatives.inverse_derivatives import (
     derivatives_workspace,
     inverse_derivatives,
 )
+from flexlink.kernels.derivatives.planar_derivatives import OneState, derivatives_in_plane
+from flexlink.kernels.tools.address import records
 from flexlink.kernels.tools.compiler import by_type, kernel
+from flexlink.kernels.tools.finite import is_finite
 
 
 @by_type(
     {
+        OneState: derivatives_in_plane,
         ForwardDerivativesWork: derivatives_in_space,
         InverseDerivativesWork: inverse_derivatives,
     }
@@ -26,9 +30,21 @@ def derivatives_into(chain, wrench, q, qd, given, found, work):
     """
 
 
+def derivatives(address, wrench, q, qd, given, found):
+    """Write the derivatives to `found` (3, n, n); return whether all are finite, and n finite values given each.
+
+    Records: the chain and the scratch of `derivatives_into`.
+    """
+    chain, work = records(address)
+    n = found.shape[1]
+    if not (len(q) == n and len(qd) == n and len(given) == n and is_finite(q) and is_finite(qd) and is_finite(given)):
+        return False
+    return derivatives_into(chain, wrench, q, qd, given, (found[0], found[1], found[2]), work)
+
+
 @kernel
-def write_all(chain, wrench, q, qd, given, found, work):
-    """Write derivatives at states (b, n) and wrenches (b, 6) to `found` (3, b, n, n); return whether all are finite."""
+def derivatives_of_many(chain, wrench, q, qd, given, found, work):
+    """Write the derivatives at states (b, n) with wrenches (b, 6) to `found` (3, b, n, n), in turn."""
     finite = True
     for k in range(len(q)):
         slopes = (found[0, k], found[1, k], found[2, k])
@@ -40,10 +56,10 @@ def write_all(chain, wrench, q, qd, given, found, work):
 def forward_derivatives_of_many(chain, wrench, q, qd, tau, found):
     """Write the derivatives of forward dynamics at many states; return whether all are finite."""
     work = forward_derivatives_workspace(chain.bodies, chain.hinges, chain.gravity, chain.rare)
-    return write_all(chain, wrench, q, qd, tau, found, work)
+    return derivatives_of_many(chain, wrench, q, qd, tau, found, work)
 
 
 @kernel
 def inverse_derivatives_of_many(chain, wrench, q, qd, qdd, found):
     """Write the derivatives of inverse dynamics at many states; return whether all are finite."""
-    return write_all(chain, wrench, q, qd, qdd, found, derivatives_workspace(chain))
+    return derivatives_of_many(chain, wrench, q, qd, qdd, found, derivatives_workspace(chain))
