@@ -4,15 +4,15 @@ import copy
 import pickle
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import flexlink as fl
-from tests.matrix.case import ROOT
 
-SCENE = fl.load_scene(ROOT / "models" / "t3_spatial.toml")
+SCENE = fl.load_scene(Path(__file__).parents[2] / "models" / "t3_spatial.toml")
 CHAIN = fl.lump(SCENE)
 STATES = np.random.default_rng(5).normal(size=(40, 3, CHAIN.n)) * 0.1
 OF_A_STATE: dict[str, Callable[[fl.Chain, Any], Any]] = {
@@ -40,7 +40,7 @@ def test_lists_and_strided_arrays_give_the_same_numbers(name: str) -> None:
 @pytest.mark.parametrize("wrong", [STATES[0] * np.nan, STATES[0, :, 1:], STATES[0] * 1j])
 def test_wrong_states_are_named_as_ever(name: str, wrong: Any) -> None:
     OF_A_STATE[name](CHAIN, STATES[0])
-    with pytest.raises(fl.ArgumentError, match=r"^q"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"^q"):
         OF_A_STATE[name](CHAIN, wrong)
 
 

@@ -77,8 +77,12 @@ def _compiled(kernel: Callable[..., Any], given: types.Type, address: int, examp
     name = f"{kernel.__qualname__}-{hashlib.sha256(str(given).encode()).hexdigest()[:16]}"
     compiled = entry_under_lock(_with_records(kernel, _load(given), name))
     compiled(address, *example)
-    compiled._compile_for_args = lambda *arguments: False
+    compiled._compile_for_args = lambda *arguments: _refused
     return compiled
+
+
+def _refused(*arguments: Any) -> bool:
+    return False
 
 
 def _with_records(kernel: Callable[..., Any], load: Callable[[int], Any], name: str) -> Callable[..., Any]:
