@@ -96,8 +96,8 @@ def _load(given: types.Type) -> Callable[[int], Any]:
     """A function for kernels that returns the records of this type at an address."""
 
     @intrinsic
-    def load(context, address):  # type: ignore[no-untyped-def]
-        def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+    def load(context, address):
+        def code(context, builder, signature, arguments):
             pointer = context.get_value_type(given).as_pointer()
             return builder.load(builder.inttoptr(arguments[0], pointer))
 
