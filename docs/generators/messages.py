@@ -86,9 +86,16 @@ def texts() -> dict[str, set[str]]:
 
 
 def _identified(nodes: Iterable[ast.AST]) -> Iterator[tuple[str, str]]:
-    """Ids and texts of calls with `id="…"`, of `Diagnostic(text, "id")`, and of classes of errors with an id."""
+    """Ids and texts of calls with `id="…"`, of `Diagnostic(text, "id")`, and of classes of errors with an id.
+
+    Also of `_refused(key, why, "id")`, and of `missing(key, why)`.
+    """
     for node in nodes:
-        if isinstance(node, ast.Call):
+        if isinstance(node, ast.Call) and ast.unparse(node.func) in {"self._refused", "missing"}:
+            key, why, *given = node.args
+            name, form = ("missing-key", ": missing; ") if not given else (ast.literal_eval(given[0]), " = …: ")
+            yield name, f"{_template(key)}{form}{_template(why)}"
+        elif isinstance(node, ast.Call):
             named = [given.value for given in node.keywords if given.arg == "id"]
             place = {"Diagnostic": 1, "Finding": 3}.get(ast.unparse(node.func))
             named += [] if place is None else node.args[place : place + 1]

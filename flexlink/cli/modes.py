@@ -80,13 +80,7 @@ def first_elastic(hertz: float | None) -> str:
 
 
 def rates_of(chain: Chain, texts: Iterable[str]) -> dict[str, float]:
-    """Rates of joints by name [rad/s, m/s], from strings such as hub=500rpm.
-
-    Raises
-    ------
-    ArgumentError
-        A string does not have this form, or its unit is wrong for the kind of joint.
-    """
+    """Rates of joints by name [rad/s, m/s], from strings such as hub=500rpm."""
     # conversion factors from the units of `--rate` to rad/s or m/s
     units = {"rpm": 2 * np.pi / 60, "deg/s": np.pi / 180, "rad/s": 1.0, "m/s": 1.0}
     rates = {}

@@ -35,11 +35,6 @@ def parse(text: str | bytes, what: str, *, namespaces: bool = True) -> ET.Elemen
     -------
     Element
         The root, without comments and processing instructions.
-
-    Raises
-    ------
-    DataFileError
-        The text is not XML, is larger or deeper than any robot file, or has a DOCTYPE; the message has one line.
     """
     try:
         data = text if isinstance(text, bytes) else text.encode()

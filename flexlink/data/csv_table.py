@@ -47,13 +47,7 @@ class CsvTable(NamedTuple):
         return {head_of(head)[0] for head in self.heads}
 
     def column(self, quantity: str, unit: str) -> Array:
-        """Return the column of a quantity, converted to `unit`; every cell must be a number.
-
-        Raises
-        ------
-        DataFileError
-            The column is missing or appears twice, its unit is missing or cannot be converted, or a cell is empty.
-        """
+        """Return the column of a quantity, converted to `unit`; every cell must be a number."""
         found = [k for k, head in enumerate(self.heads) if head_of(head)[0] == quantity]
         wanted = f"{quantity} [{unit}]"
         if not found:
@@ -97,13 +91,7 @@ class CsvTable(NamedTuple):
 
     @property
     def times(self) -> Array:
-        """Strictly increasing times [s].
-
-        Raises
-        ------
-        DataFileError
-            The times do not increase, or `column` raises the error.
-        """
+        """Strictly increasing times [s]."""
         t = self.column("t", "s")
         late = np.flatnonzero(np.diff(t) <= 0)
         if len(late):
@@ -162,14 +150,7 @@ def in_si(head: str) -> tuple[str, float] | None:
 
 
 def read_csv(path: Path) -> CsvTable:
-    """Read comma-separated numbers below one header line; blank lines are skipped.
-
-    Raises
-    ------
-    DataFileError
-        The file cannot be read or is empty; no header has a unit; a line has more or fewer cells than the header line;
-        a cell is not a finite decimal number.
-    """
+    """Read comma-separated numbers below one header line; blank lines are skipped."""
     data = read_regular(path, largest=100_000_000, error=DataFileError)
     try:
         text = data.decode("utf-8-sig")

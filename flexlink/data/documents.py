@@ -19,13 +19,7 @@ from flexlink.common.wording import truncated
 
 
 def require_path(name: str, value: object) -> Path:
-    """Convert a str or Path to a Path.
-
-    Raises
-    ------
-    ArgumentError
-        `value` has another type, which the message states.
-    """
+    """Convert a str or Path to a Path."""
     if not isinstance(value, str | os.PathLike):
         raise ArgumentError(
             f"{name} = {truncated(value)}: expected a str or a Path, got {type(value).__name__}", id="wrong-type"
@@ -34,14 +28,7 @@ def require_path(name: str, value: object) -> Path:
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Parse a TOML file; error messages have one line.
-
-    Raises
-    ------
-    SceneError
-        The file is missing, unreadable, a pipe (which might block forever), larger than 1 MB, empty, not UTF-8, XML or
-        not TOML.
-    """
+    """Parse a TOML file; error messages have one line."""
     data = read_regular(path, largest=1_000_000, error=SceneError)
     try:
         text = data.decode("utf-8-sig")  # some editors write a byte order mark
@@ -186,11 +173,6 @@ def read_regular(path: Path, *, largest: int, error: type[FlexlinkError]) -> byt
     -------
     bytes
         The complete file.
-
-    Raises
-    ------
-    FlexlinkError
-        Of class `error`: the file is missing, unreadable, larger than `largest`, or a pipe (which might block forever).
     """
     try:
         if path.exists() and not path.is_file() and not path.is_dir():  # for a folder, `open` raises a clear error

@@ -32,25 +32,13 @@ def read_measured(path: Path, known: Mapping[str, object], only: Sequence[str] =
         Allowed columns, by their names in `Trajectory.columns`.
     only
         Headers of the columns to read; other columns are ignored. Default: all columns.
-
-    Raises
-    ------
-    DataFileError
-        The file cannot be read; a header is unknown, repeated or missing; a cell is not a number; times do not
-        increase; or there are no measured values.
     """
     _, heads, values = read_csv(path)
     return measured_from(str(path), heads, values, known, only)
 
 
 def read_together(paths: Sequence[Path], known: Mapping[str, object], only: Sequence[str] = ()) -> Measured:
-    """Read several files of one record, each with its own times; columns are nan at the times of other files.
-
-    Raises
-    ------
-    DataFileError
-        As in `read_measured`; or two files contain the same column.
-    """
+    """Read several files of one record, each with its own times; columns are nan at the times of other files."""
     tables = [read_csv(path) for path in paths]
     every = [head for table in tables for head in table.heads]
     _require(", ".join(map(str, paths)), only, every)
@@ -110,13 +98,7 @@ def measured_from(
 
 
 def named(where: str, head: str, known: Mapping[str, object]) -> tuple[str, float]:
-    """Name of the trajectory column for a header, and the factor from the header's unit to the column's unit.
-
-    Raises
-    ------
-    DataFileError
-        The header is unknown.
-    """
+    """Name of the trajectory column for a header, and the factor from the header's unit to the column's unit."""
     if head in known:
         return head, 1.0
     found = in_si(head)

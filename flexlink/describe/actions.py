@@ -8,7 +8,7 @@ import numpy as np
 
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
-from flexlink.common.wording import both_given, truncated
+from flexlink.common.wording import both_given, missing, truncated
 from flexlink.describe.joint_units import TWINS, Row
 from flexlink.describe.numbers import check_table, require_increasing
 from flexlink.describe.reference import OF_MOTION
@@ -68,13 +68,9 @@ class PrescribedMotion(Spec, frozen=True):
             self._check_file()
             return
         if self.cutoff is not None:
-            raise SceneError(
-                f"cutoff = {self.cutoff!r}: has no effect without a file; leave cutoff out", id="no-effect"
-            )
+            raise self._refused("cutoff", "has no effect without a file; leave cutoff out", "no-effect")
         if not self.times:
-            raise SceneError(
-                "times: missing; give them with angles, rates and accelerations, or give a file", id="missing-key"
-            )
+            raise missing("times", "give them with angles, rates and accelerations, or give a file")
         if self.times[0] != 0:
             raise SceneError(f"times[0] = {self.times[0]!r}: must be 0", id="first-time")
         require_increasing("times", self.times)
@@ -82,7 +78,7 @@ class PrescribedMotion(Spec, frozen=True):
             column = getattr(self, name)
             if column is None:
                 takes = f"a motion has times, {', '.join(self.keys)}; or a file with a cutoff"
-                raise SceneError(f"{name}: missing; {takes}", id="missing-key")
+                raise missing(name, takes)
             if len(column) != len(self.times):
                 raise SceneError(
                     f"{name} has {len(column)} values: expected one per time, {len(self.times)}", id="one-per-time"
@@ -166,9 +162,7 @@ class Wrench(Spec, frozen=True):
                     raise SceneError(f"{name} = {truncated(rows)}: needs times, one per row", id="needs-another-key")
             return
         if self.forces is None and self.moments is None:
-            raise SceneError(
-                f"times = {truncated(self.times)}: needs forces, moments or both, one row per time", id="missing-key"
-            )
+            raise self._refused("times", "needs forces, moments or both, one row per time", "missing-key")
         for name in ("force", "moment"):
             if any(getattr(self, name)):
                 raise SceneError(

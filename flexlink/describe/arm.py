@@ -41,9 +41,7 @@ class Base(RigidBody, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.kind == "fixed" and (self.mass or any(self.inertia)):
-            raise SceneError(
-                f"mass = {self.mass!r}: a fixed base has no mass; kind = 'free' makes it float", id="base-mass"
-            )
+            raise self._refused("mass", "a fixed base has no mass; kind = 'free' makes it float", "base-mass")
         if self.kind == "free" and not (self.mass and self.principal_moments[0] > 0):
             raise SceneError(
                 f"mass = {self.mass!r}, inertia = {truncated(self.inertia)}: a free base needs mass, and inertia "
@@ -264,11 +262,6 @@ def link_number(argument: str, value: object, names: Sequence[str]) -> int:
         A link's name, or its number from 1 to len(names).
     names
         Names of the links, from the base outward.
-
-    Raises
-    ------
-    ArgumentError
-        There is no such link; the message lists the existing ones.
     """
     wanted = to_builtin(value)
     if isinstance(wanted, str) and wanted in names:

@@ -35,13 +35,6 @@ def load(folder: str, key: str, name: str, kind: type[T]) -> T:
         Name of a built-in description, or a path.
     kind
         Type to decode.
-
-    Raises
-    ------
-    ArgumentError
-        Unknown name; the message lists the known ones.
-    DataFileError
-        The file is missing or invalid.
     """
     if not isinstance(name, str) or not (is_user_file(name) or _is_ours(folder, name)):
         known = names(folder)

@@ -8,7 +8,7 @@ from typing import Annotated
 import msgspec
 
 from flexlink.common.errors import SceneError
-from flexlink.common.wording import both_given, truncated
+from flexlink.common.wording import both_given, missing, truncated
 from flexlink.describe.spec import LARGE, SMALL, Deviation, Spec, measured_in
 
 Frequency = Annotated[float, msgspec.Meta(gt=0, le=LARGE)]
@@ -58,7 +58,7 @@ class Filter(Spec, frozen=True):
         kinds = {"low_pass": ("order", "damping"), "notch": ("damping",), "numerator": ("denominator",)}
         given = [key for key in kinds if getattr(self, key) is not None]
         if not given:
-            raise SceneError("low_pass: missing; a filter needs low_pass, notch or numerator", id="missing-key")
+            raise missing("low_pass", "a filter needs low_pass, notch or numerator")
         if len(given) > 1:
             raise both_given(given[1], getattr(self, given[1]), given[0], "write two filters, one after the other")
         for key in ("order", "damping", "denominator"):
@@ -70,11 +70,10 @@ class Filter(Spec, frozen=True):
                 )
         needed = {"notch": "damping", "numerator": "denominator"}.get(given[0])
         if needed and getattr(self, needed) is None:
-            raise SceneError(f"{needed}: missing; a filter by {given[0]} needs it", id="missing-key")
+            raise missing(needed, f"a filter by {given[0]} needs it")
         if self.damping is not None and self.order not in {None, 2}:
-            raise SceneError(
-                f"order = {self.order!r}: with damping = {self.damping!r} the order is 2; leave one of them out",
-                id="both-given",
+            raise self._refused(
+                "order", f"with damping = {self.damping!r} the order is 2; leave one of them out", "both-given"
             )
 
 

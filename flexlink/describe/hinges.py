@@ -17,15 +17,7 @@ from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
 
 
 def hinges_of(arm: Arm) -> list[tuple[Array, Array]]:
-    """Nodes and weights of every link's lumping rule, shape (segments − 1,) each; empty for a rigid link.
-
-    Raises
-    ------
-    SceneError
-        The rule is unknown or does not exist for this number of hinges, or a hinge has no inertia on one side.
-    DataFileError
-        A user's rule file is invalid.
-    """
+    """Nodes and weights of every link's lumping rule, shape (segments − 1,) each; empty for a rigid link."""
     if any(is_user_file(link.lumping) for link in arm.links):  # not cached: the file may change
         return _of_all(arm)
     return HINGES(arm.links, None, lambda: _of_all(arm))

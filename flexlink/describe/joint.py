@@ -89,16 +89,15 @@ class Joint(Spec, frozen=True):
                 f"{self.limits_key} = {self.limits}: the lower limit must be less than the upper", id="limits-order"
             )
         if self.viscous_lag and not self.viscous:
-            raise SceneError(
-                f"viscous_lag = {self.viscous_lag!r}: needs a viscous friction > 0", id="needs-another-key"
-            )
+            raise self._refused("viscous_lag", "needs a viscous friction > 0", "needs-another-key")
         if self.gear_stiffness is None and self.gear_damping:
-            raise SceneError(f"gear_damping = {self.gear_damping!r}: needs a gear_stiffness", id="needs-another-key")
+            raise self._refused("gear_damping", "needs a gear_stiffness", "needs-another-key")
         if self.gear_stiffness is not None and not self.armature and not self.locked:
-            raise SceneError(
-                f"armature = {self.armature!r}: gear_stiffness = {self.gear_stiffness!r} needs the motor's inertia, "
-                "because there is no other inertia between motor and gear (default: 0)",
-                id="needs-another-key",
+            raise self._refused(
+                "armature",
+                f"gear_stiffness = {self.gear_stiffness!r} needs the motor's inertia, because there is no other "
+                "inertia between motor and gear (default: 0)",
+                "needs-another-key",
             )
 
     @property
@@ -206,13 +205,7 @@ def outside_limits(name: str, joint: Joint, position: float) -> str:
 
 
 def refuse_beyond(course: ReferenceTrajectory, joints: Sequence[tuple[str, Joint]]) -> None:
-    """Refuse a reference trajectory whose smallest or largest positions exceed the limits of these joints.
-
-    Raises
-    ------
-    SceneError
-        The message names the link, the angle reached and the limits.
-    """
+    """Refuse a reference trajectory whose smallest or largest positions exceed the limits of these joints."""
     rounding = MOST_IMPULSES * np.finfo(float).eps  # an angle may be the sum of MOST_IMPULSES terms
     reached = in_joint_units([joint.slides for _, joint in joints], course.extremes())
     for (name, joint), *extremes in zip(joints, *reached, strict=True):

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from flexlink.common.errors import SceneError
-from flexlink.common.wording import both_given, truncated
+from flexlink.common.wording import both_given, missing, truncated
 from flexlink.data import documents
 from flexlink.describe.directions import Line, line_of, unit
 from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
@@ -149,16 +149,13 @@ class Link(Spec, frozen=True):
         if not self.name:
             raise SceneError("name = '': must not be empty", id="empty-name")
         if (self.material is None) != (self.section is None):
-            missing, given = ("section", "material") if self.section is None else ("material", "section")
-            other = f"{given} = {getattr(self, given)!r}"
+            absent, given = ("section", "material") if self.section is None else ("material", "section")
             both = "give both, or neither for a massless link" if self.flex == "rigid" else "a flexible link needs both"
-            raise SceneError(f"{missing}: missing; {other} is given: {both}", id="missing-key")
+            raise missing(absent, f"{given} = {getattr(self, given)!r} is given: {both}")
         if self.rigidity is not None and self.material is not None:
             raise both_given("rigidity", self.rigidity, f"material = {self.material!r}")
         if self.section_tip is not None and self.section is None:
-            raise SceneError(
-                f"section_tip = {self.section_tip!r}: also needs a section at the joint", id="needs-another-key"
-            )
+            raise self._refused("section_tip", "also needs a section at the joint", "needs-another-key")
         if self.line is not None and self.length:
             raise both_given("length", self.length, f"line = {truncated(self.line)}")
         if self.dh is not None and (self.joint.direction != (0.0, 0.0, 1.0)).any():
@@ -186,28 +183,24 @@ class Link(Spec, frozen=True):
                 id="rigid-strains",
             )
         if self.rigidity is not None and length == 0:
-            raise SceneError(
-                f"length = {self.length!r}: a link with a rigidity needs a length > 0 or a line (default: 0)",
-                id="needs-a-length",
+            raise self._refused(
+                "length", "a link with a rigidity needs a length > 0 or a line (default: 0)", "needs-a-length"
             )
         if self.material is not None and length == 0:
-            raise SceneError(
-                f"length = {self.length!r}: a link of material {self.material!r} needs a length > 0 or a line; a link "
-                "without length has neither material nor section, but may have a hub",
-                id="needs-a-length",
+            raise self._refused(
+                "length",
+                f"a link of material {self.material!r} needs a length > 0 or a line; a link without length has "
+                "neither material nor section, but may have a hub",
+                "needs-a-length",
             )
 
     def _check_flexible(self, length: float) -> None:
         if self.segments < 2:
-            raise SceneError(
-                f"segments = {self.segments}: a flexible link needs at least 2, most rules 3, such as 5 (default: 1)",
-                id="too-few-segments",
+            raise self._refused(
+                "segments", "a flexible link needs at least 2, most rules 3, such as 5 (default: 1)", "too-few-segments"
             )
         if length == 0:
-            raise SceneError(
-                f"length = {self.length!r}: a flexible link needs a length > 0 or a line (default: 0)",
-                id="needs-a-length",
-            )
+            raise self._refused("length", "a flexible link needs a length > 0 or a line (default: 0)", "needs-a-length")
         if self.material is None and self.rigidity is None:
             raise SceneError(
                 "material, section: missing; a flexible link needs a material and a section, or a rigidity",

@@ -9,6 +9,7 @@ from typing import Annotated, Literal, NamedTuple
 import msgspec
 
 from flexlink.common.errors import SceneError
+from flexlink.common.wording import missing
 from flexlink.describe.spec import NonNegative, Positive, Spec, measured_in
 
 
@@ -85,11 +86,11 @@ class Section(Spec, frozen=True):
                 )
         for name in wanted:
             if name not in dimensions:
-                raise SceneError(f"{name}: missing; a {self.shape} needs {', '.join(wanted)}", id="missing-key")
+                raise missing(name, f"a {self.shape} needs {', '.join(wanted)}")
         if self.outer is not None and self.inner is not None and self.inner >= self.outer:
-            raise SceneError(f"inner = {self.inner!r}: must be smaller than outer = {self.outer!r}", id="section-walls")
+            raise self._refused("inner", f"must be smaller than outer = {self.outer!r}", "section-walls")
         if self.wall and self.height and self.width and 2 * self.wall >= min(self.height, self.width):
-            raise SceneError(f"wall = {self.wall!r}: must be less than half of height and width", id="section-walls")
+            raise self._refused("wall", "must be less than half of height and width", "section-walls")
         self._check_properties(wanted)
 
     def _check_properties(self, dimensions: tuple[str, ...]) -> None:
@@ -173,11 +174,9 @@ class Damping(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.law == "proportional" and self.at_hz is None:
-            raise SceneError("at_hz: missing; required unless law = 'constant'", id="missing-key")
+            raise missing("at_hz", "required unless law = 'constant'")
         if self.law == "constant" and self.at_hz is not None:
-            raise SceneError(
-                f"at_hz = {self.at_hz!r}: has no effect with law = 'constant'; leave it out", id="no-effect"
-            )
+            raise self._refused("at_hz", "has no effect with law = 'constant'; leave it out", "no-effect")
 
     @property
     def is_constant(self) -> bool:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.common.types import Array
-from flexlink.common.wording import both_given, plural, truncated
+from flexlink.common.wording import both_given, missing, plural, truncated
 from flexlink.describe import profiles
 from flexlink.describe.joint_units import IN_METRES, OF_JOINT, Row, Slides, in_si, together
 from flexlink.describe.numbers import require_increasing, require_positive
@@ -116,9 +116,7 @@ class Reference(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.cutoff is not None and (self.file is None or self.profile != "smooth"):
-            raise SceneError(
-                f"cutoff = {self.cutoff!r}: needs a file and profile 'smooth'; leave cutoff out", id="needs-another-key"
-            )
+            raise self._refused("cutoff", "needs a file and profile 'smooth'; leave cutoff out", "needs-another-key")
         if self.file is not None:
             self._check_file()
             return
@@ -126,9 +124,7 @@ class Reference(Spec, frozen=True):
         for name in dict.fromkeys(name for both in TAKES.values() for part in both for name in part):
             values = {key: getattr(self, key) for key in (name, IN_METRES.get(name, name))}
             if name in needs and all(value is None for value in values.values()):
-                raise SceneError(
-                    f"{name}: missing; profile {self.profile!r} takes {_taken(needs, may)}", id="missing-key"
-                )
+                raise missing(name, f"profile {self.profile!r} takes {_taken(needs, may)}")
             for key, value in values.items():
                 if name not in (*needs, *may) and value not in (None, 0.0):
                     takes = _taken(needs, may)
@@ -144,10 +140,11 @@ class Reference(Spec, frozen=True):
     def _check_file(self) -> None:
         """Check that a reference with a file has a table profile, and that no rows are also given."""
         if self.profile not in TABLED:
-            raise SceneError(
-                f"file = {self.file!r}: profile {self.profile!r} takes {_taken(*TAKES[self.profile])}; a file needs "
-                f"profile {', '.join(TABLED)}",
-                id="key-of-another-kind",
+            raise self._refused(
+                "file",
+                f"profile {self.profile!r} takes {_taken(*TAKES[self.profile])}; a file needs profile "
+                f"{', '.join(TABLED)}",
+                "key-of-another-kind",
             )
         for key in sorted([*_in_both(*LISTS, *OF_MOTION), "times", "start", "duration"]):
             if getattr(self, key) not in (None, 0.0):
@@ -167,7 +164,7 @@ class Reference(Spec, frozen=True):
             raise both_given("duration", self.duration, limits[0])
         if self.duration is None and not set(limits) & set(needed):
             named = needed if self.to_m is None or self.to_deg is not None else [IN_METRES[name] for name in needed]
-            raise SceneError(f"duration: missing; give duration, or {' or '.join(named)}", id="missing-key")
+            raise missing("duration", f"give duration, or {' or '.join(named)}")
 
     @property
     def _deciding(self) -> tuple[str, ...]:
@@ -181,7 +178,7 @@ class Reference(Spec, frozen=True):
     def _check_table(self, times: Row) -> None:
         require_increasing("times", times)
         if self._is_given("acceleration_deg") and not self._is_given("rate_deg"):
-            raise SceneError("rate_deg: missing; acceleration_deg needs it", id="missing-key")
+            raise missing("rate_deg", "acceleration_deg needs it")
         for name in _in_both(*OF_MOTION):
             rows = getattr(self, name)
             if rows is not None and len(rows) != len(times):
@@ -233,7 +230,7 @@ class Reference(Spec, frozen=True):
         [ 45. -60.]
         """
         if self.file is not None:
-            raise SceneError(f"file = {self.file!r}: only scenes read files; use Scene.course", id="file-not-read")
+            raise self._refused("file", "only scenes read files; use Scene.course", "file-not-read")
         start = np.asarray(initial, dtype=np.float64)
         for name, row in self.per_link.items():
             if len(row) != len(start):
@@ -261,7 +258,7 @@ class Reference(Spec, frozen=True):
         for name in ("to_deg", *OF_MOTION):
             for key, slides in ((name, False), (IN_METRES[name], True)):
                 if slides in kinds and self._is_given(name) and getattr(self, key) is None:
-                    raise SceneError(f"{key}: missing; there are {OF_JOINT[slides].name} joints", id="missing-key")
+                    raise missing(key, f"there are {OF_JOINT[slides].name} joints")
 
     def _own(self, name: str, slides: Slides) -> Row:
         """The list `name` and its twin, merged in the joints' own units, deg or m."""
@@ -283,10 +280,10 @@ class Reference(Spec, frozen=True):
             c[:, 0] += a
             there = distinct(knots)
             if not there[:-1].any():
-                raise SceneError(
-                    f"start = {self.start!r}: too late: float64 cannot resolve a move of {lasts:.3g} s at that time; "
-                    "start earlier",
-                    id="start-too-late",
+                raise self._refused(
+                    "start",
+                    f"too late: float64 cannot resolve a move of {lasts:.3g} s at that time; start earlier",
+                    "start-too-late",
                 )
             courses.append(from_rest_to_rest(knots[there], c[there[:-1], :, None], np.array([b])))
         return side_by_side(courses)

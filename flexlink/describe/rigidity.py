@@ -69,7 +69,7 @@ class Rigidity(Spec, frozen=True):
         if self.file is not None:
             self._read(self.file)
         if len(self.x) < 2 or self.x[0] != 0:
-            raise SceneError(f"x = {truncated(self.x)}: expected two rows or more, the first at 0", id="rigidity-table")
+            raise self._refused("x", "expected two rows or more, the first at 0", "rigidity-table")
         for k, (before, x) in enumerate(itertools.pairwise(self.x), 1):
             if x < before or (k >= 2 and x == before == self.x[k - 2]):
                 raise SceneError(
@@ -77,10 +77,7 @@ class Rigidity(Spec, frozen=True):
                     id="rigidity-table",
                 )
         if self.x[0] == self.x[1] or self.x[-1] == self.x[-2]:
-            raise SceneError(
-                f"x = {truncated(self.x)}: the ends of a beam cannot have jumps; give one row there",
-                id="rigidity-table",
-            )
+            raise self._refused("x", "the ends of a beam cannot have jumps; give one row there", "rigidity-table")
         for name in COLUMNS:
             column = getattr(self, name)
             if column is not None and len(column) != len(self.x):

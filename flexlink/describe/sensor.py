@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import msgspec
 
 from flexlink.common.errors import ArgumentError, Diagnostic, SceneError
-from flexlink.common.wording import both_given, truncated
+from flexlink.common.wording import both_given, missing, truncated
 from flexlink.data.csv_table import conversion
 from flexlink.describe.arm import BASE, Arm
 from flexlink.describe.directions import unit
@@ -122,7 +122,7 @@ class Sensor(Spec, frozen=True):
             if value is None and key in needs:
                 forms = {"x": "x [m] from the root", "fibre": "fibre = [y, z] [m] in the section"}
                 wanted = " and ".join(forms.get(each, f"{each} [N m/A]") for each in needs)
-                raise SceneError(f"{key}: missing; kind {self.kind!r} needs {wanted}", id="missing-key")
+                raise missing(key, f"kind {self.kind!r} needs {wanted}")
             if value is not None and key not in (*needs, *may):
                 takes = ", ".join((*needs, *may)) or "none of " + ", ".join(of_kinds)
                 raise SceneError(
@@ -166,9 +166,7 @@ class Sensor(Spec, frozen=True):
                     id="sensor-name",
                 )
         if self.name in taken or re.match(r"(q|qd|tau) ", self.name):
-            raise SceneError(
-                f"name = {self.name!r}: is the name of a column of every run; use another name", id="sensor-name"
-            )
+            raise self._refused("name", "is the name of a column of every run; use another name", "sensor-name")
 
     def _check_unit(self) -> None:
         """Require a gain if the column's unit converts to the signal's unit, as deg does to rad, but V does not."""
@@ -180,10 +178,11 @@ class Sensor(Spec, frozen=True):
         for unit_ in map(self._own_unit, OF_JOINT) if self.unit is not None and self.gain == 1 else ():
             size = instruments.get((self.unit or "", unit_)) or conversion(self.unit or "", unit_)
             if size is not None and size != 1:
-                raise SceneError(
-                    f"unit = {self.unit!r}: the column would be in {unit_}; give gain = {1 / size:.10g} ({self.unit} "
-                    f"per {unit_}), or leave unit out",
-                    id="unit-missing",
+                raise self._refused(
+                    "unit",
+                    f"the column would be in {unit_}; give gain = {1 / size:.10g} ({self.unit} per {unit_}), or leave "
+                    "unit out",
+                    "unit-missing",
                 )
 
     @property

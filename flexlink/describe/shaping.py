@@ -54,20 +54,14 @@ class ShaperRule(Spec, frozen=True):
         if len(w) != len(h):
             raise SceneError(f"weights has {len(w)} numbers: expected one per impulse, {len(h)}", id="shaper-weights")
         if h[0] != 0 or np.any(np.diff(h) <= 0):
-            raise SceneError(
-                f"half_periods = {truncated(self.half_periods)}: must start at 0 and increase", id="shaper-times"
-            )
+            raise self._refused("half_periods", "must start at 0 and increase", "shaper-times")
         if w.sum() <= 0:
-            raise SceneError(
-                f"weights = {truncated(self.weights)}: must have a sum > 0, for normalization",
-                id="shaper-weights",
-            )
+            raise self._refused("weights", "must have a sum > 0, for normalization", "shaper-weights")
         for k in range(self.zeros):
             remainder = abs(np.sum(w * h**k * np.exp(1j * np.pi * h)))
             if remainder > 1e-12 * np.sum(np.abs(w) * h**k):  # more than the rounding of numbers written with 13 digits
-                raise SceneError(
-                    f"zeros = {self.zeros}: derivative {k} of the vibration is {remainder:.3g}, not 0",
-                    id="shaper-zeros",
+                raise self._refused(
+                    "zeros", f"derivative {k} of the vibration is {remainder:.3g}, not 0", "shaper-zeros"
                 )
 
     def impulses(self, pole: complex) -> tuple[Array, Array]:
@@ -113,9 +107,7 @@ class InputShaper(Spec, frozen=True):
         if not (self.frequency_hz or self.poles):
             raise SceneError("frequency_hz = (): no vibration to suppress; give at least one", id="frequencies-missing")
         if self.damping is not None and len(self.damping) != len(self.frequency_hz or ()):
-            raise SceneError(
-                f"damping = {truncated(self.damping)}: expected one ratio per frequency_hz", id="one-per-frequency"
-            )
+            raise self._refused("damping", "expected one ratio per frequency_hz", "one-per-frequency")
         for k, (re, im) in enumerate(self.poles or ()):
             if im <= 0 or re > 0:
                 raise SceneError(

@@ -93,13 +93,7 @@ def _refuse_to_change(part: object, name: str, value: object) -> None:
 class Spec(
     msgspec.Struct, metaclass=_Explained, frozen=True, forbid_unknown_fields=True, kw_only=True, cache_hash=True
 ):
-    """Frozen record whose fields are checked against their annotations, however it is built.
-
-    Raises
-    ------
-    SceneError
-        A field is unknown or missing, has the wrong type, lies outside its range, or is not finite.
-    """
+    """Frozen record whose fields are checked against their annotations, however it is built."""
 
     def __post_init__(self) -> None:
         if getattr(_thread, "validated", False):
@@ -117,6 +111,10 @@ class Spec(
             except msgspec.ValidationError as error:
                 raise SceneError(_explain(value, field.type, field.encode_name, error)) from None
             msgspec.structs.force_setattr(self, field.name, kept)
+
+    def _refused(self, key: str, why: str, id: str) -> SceneError:
+        """The error of the value of a key."""
+        return SceneError(f"{key} = {truncated(getattr(self, key))}: {why}", id=id)
 
     def __repr__(self) -> str:
         """Fields that differ from their defaults; long texts and tables are truncated."""
@@ -174,11 +172,6 @@ def decode(raw: object, kind: type[T] | Any, path: str = "", *, finite: bool = F
         Key path of `raw` in its file, for messages.
     finite
         Whether `raw` is from a file and all its numbers are known to be finite.
-
-    Raises
-    ------
-    SceneError
-        Unknown key, wrong type, or value out of range or not finite.
     """
     try:
         if not finite:
@@ -225,13 +218,7 @@ def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) 
 
 
 def check_keys(raw: Mapping[str, Any], allowed: Iterable[str], required: Iterable[str]) -> None:
-    """Check the top-level keys of a parsed file.
-
-    Raises
-    ------
-    SceneError
-        A key is unknown (with its value and what is allowed) or missing.
-    """
+    """Check the top-level keys of a parsed file."""
     allowed = list(allowed)
     for key in raw:
         if key not in allowed:
@@ -413,13 +400,7 @@ def _below(raw: Any, kind: Any, path: str) -> Iterator[Diagnostic]:
 
 
 def raise_together(found: Iterable[Diagnostic]) -> None:
-    """Raise one error that lists all mistakes, if there are any, with the id of the first mistake.
-
-    Raises
-    ------
-    SceneError
-        The mistakes, separated by "; also ".
-    """
+    """Raise one error that lists all mistakes, if there are any, with the id of the first mistake."""
     # largest number of mistakes listed; a file with more is probably not a scene
     most = 20
     texts = list(dict.fromkeys(found))

@@ -20,8 +20,7 @@ from flexlink.common.wording import truncated
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.link import Link
 from flexlink.describe.run_settings import implied
-from flexlink.describe.scene import FIELDS, Scene
-from flexlink.describe.scene_keys import OF_ARM
+from flexlink.describe.scene import FIELDS, OF_ARM, Scene
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.spec import Spec, bare_type, build_validated, decode, fields_of, to_builtin
 from flexlink.describe.vary import Keys, parts_of, routes_to, to_document
@@ -174,11 +173,6 @@ def refined(scene: Scene, factor: float) -> Scene:
     """Return the scene with `factor` times the hinges in every link that bends, rounded up as the link's rule allows.
 
     They move one by one: a link with strain modes loses them, so the difference includes what its shapes leave out.
-
-    Raises
-    ------
-    SceneError
-        The scene starts from coordinates of its hinges, which fit only one number of hinges.
     """
     for name in ("q", "qd"):
         value = getattr(scene.initial, name)

@@ -43,13 +43,6 @@ def apply_changes(document: dict[str, Any], kinds: Mapping[str, Any], changes: M
         Type annotation of each top-level key.
     changes
         Values by path; None removes the key, which restores its default.
-
-    Raises
-    ------
-    ArgumentError
-        `changes` is not a dict of values by path.
-    SceneError
-        A path does not exist; the message names it, its value and what is allowed there.
     """
     if not isinstance(changes, Mapping):
         raise ArgumentError(
@@ -93,25 +86,13 @@ def parts_of(path: str) -> tuple[str, ...]:
 
 
 def values_at(document: dict[str, Any], kinds: Mapping[str, Any], path: str) -> list[Any]:
-    """Values at a path: one, or several with `*`; None if nothing is there. Arguments as in `apply_changes`.
-
-    Raises
-    ------
-    SceneError
-        The path does not exist.
-    """
+    """Values at a path: one, or several with `*`; None if nothing is there. Arguments as in `apply_changes`."""
     targets = _Change(document, path).targets(document, kinds)
     return [node.get(key) if isinstance(node, dict) else node[key] for node, key, _ in targets]
 
 
 def number_in(values: Sequence[Any]) -> float:
-    """Return the number at a path, from the result of `values_at`.
-
-    Raises
-    ------
-    SceneError
-        A value is not a number, or several numbers differ. The message starts with the value; callers prepend the path.
-    """
+    """Return the number at a path, from the result of `values_at`."""
     if any(isinstance(value, bool) or not isinstance(value, int | float) for value in values):
         raise SceneError(f"{truncated(values[0])}: not a number in the scene; set it", id="not-a-number")
     if len(set(values)) != 1:

@@ -16,7 +16,6 @@ import numpy as np
 
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.types import Array
-from flexlink.common.wording import truncated
 from flexlink.describe import data_files
 from flexlink.describe.schemes.cells import Cells, no_multiple
 from flexlink.describe.spec import NonNegative, Positive, Spec
@@ -51,17 +50,13 @@ class Element(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.nodes or len(self.nodes) != len(self.weights):
-            raise SceneError(
-                f"weights = {truncated(self.weights)}: expected one per node, {len(self.nodes)}, and at least one",
-                id="rule-weights",
+            raise self._refused(
+                "weights", f"expected one per node, {len(self.nodes)}, and at least one", "rule-weights"
             )
         if self.nodes[-1] > 1 or np.any(np.diff(self.nodes) <= 0):
-            raise SceneError(f"nodes = {truncated(self.nodes)}: must increase within [0, 1]", id="rule-nodes")
+            raise self._refused("nodes", "must increase within [0, 1]", "rule-nodes")
         if abs(sum(self.weights) - 1) > 1e-12:  # more than the rounding of weights written with 13 digits
-            raise SceneError(
-                f"weights = {truncated(self.weights)}: must sum to 1",
-                id="rule-weights",
-            )
+            raise self._refused("weights", "must sum to 1", "rule-weights")
 
 
 class Jacobi(Spec, frozen=True):
@@ -125,13 +120,7 @@ class LumpingRule(Spec, frozen=True):
             )
 
     def hinges(self, count: int) -> tuple[Array, Array]:
-        """Nodes and weights of `count` hinges on [0, 1].
-
-        Raises
-        ------
-        ArgumentError
-            The rule does not exist for this number of hinges; the message states what it needs.
-        """
+        """Nodes and weights of `count` hinges on [0, 1]."""
         if self.grid is not None:
             return _grid_hinges(self.grid, count)
         if self.jacobi is not None:
@@ -213,13 +202,5 @@ def _jacobi_hinges(jacobi: Jacobi, count: int) -> tuple[Array, Array]:
 
 
 def lumping_rule(name: str) -> LumpingRule:
-    """Load a built-in rule, or the user's TOML file.
-
-    Raises
-    ------
-    ArgumentError
-        Unknown name.
-    DataFileError
-        The file is not a valid rule.
-    """
+    """Load a built-in rule, or the user's TOML file."""
     return data_files.load("lumping", "lumping", name, LumpingRule)

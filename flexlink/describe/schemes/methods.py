@@ -51,12 +51,6 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
     derivatives f and f₁ at its ends and sums over the stages, the solution is
 
         y + x (Δ + (1 − x) (h f − Δ + x (2 Δ − h f − h f₁ + (1 − x) h (Σ d_1i K_i + x (Σ d_2i K_i + (1 − x) (…))))))
-
-    Raises
-    ------
-    SceneError
-        A coefficient is not a number, the coefficients are inconsistent (shapes, Σ_j a_ij = c_i, Σ b_j = 1,
-        Σ_j e_j = 0, Σ_i d_i = 0), the family has no such method, or A lacks eigenvectors or makes iterations singular.
     """
 
     about: str
@@ -158,15 +152,7 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
 
     @functools.cached_property
     def modes(self) -> Modes:
-        """Eigenvalues and eigenvectors of A of an implicit method.
-
-        Raises
-        ------
-        ArgumentError
-            The method is explicit.
-        SceneError
-            A has no basis of eigenvectors, or an eigenvalue that makes M + h λ D + h² λ² K singular at some step.
-        """
+        """Eigenvalues and eigenvectors of A of an implicit method."""
         if self.explicit:
             raise ArgumentError(
                 f"{self.about}: explicit; only implicit methods use the eigenvectors of A",
@@ -204,11 +190,6 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
         """γ and d, shape (stages,), the weights in the error estimate of an implicit method.
 
         At 0, the polynomial through values f_i at the nodes is Σ_i ℓ_i(0) f_i, hence d_i = −γ ℓ_i(0).
-
-        Raises
-        ------
-        ArgumentError
-            The method is explicit, or has no error estimate.
         """
         if self.explicit or not self.controlled:
             raise ArgumentError(
@@ -223,21 +204,17 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
             if getattr(self, name) is not None:
                 raise SceneError(f"family, {name}: both are given; give either family, or A, b and c", id="both-given")
         if not 1 <= self.stages <= MOST_STAGES:
-            raise SceneError(
-                f"stages = {self.stages}: must be 1 … {MOST_STAGES} for family {family!r}", id="method-stages"
-            )
+            raise self._refused("stages", f"must be 1 … {MOST_STAGES} for family {family!r}", "method-stages")
         order = coefficients.ORDER[family](self.stages)
         if self.order != order:
-            raise SceneError(
-                f"order = {self.order}: {family} with {self.stages} stages has order {order}", id="method-order"
-            )
+            raise self._refused("order", f"{family} with {self.stages} stages has order {order}", "method-order")
 
     def _check_tableau(self) -> None:
         if self.A is None or self.b is None or self.c is None:
             raise SceneError("family, A, b, c: give either family, or all of A, b and c", id="both-given")
         stages = len(self.c)
         if self.stages not in {0, stages}:
-            raise SceneError(f"stages = {self.stages}: c has {stages}", id="method-stages")
+            raise self._refused("stages", f"c has {stages}", "method-stages")
         lengths = [len(row) for row in self.A]
         if len(self.b) != stages or lengths not in (list(range(stages)), [stages] * stages):
             raise SceneError(
@@ -254,7 +231,7 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
             )
         A, b, c = self.exact
         if abs(sum(b, Fraction(0)) - 1) > CLOSE:
-            raise SceneError(f"b = {truncated(self.b)}: must sum to 1", id="method-coefficients")
+            raise self._refused("b", "must sum to 1", "method-coefficients")
         for i, row in enumerate(A):
             if abs(sum(row, Fraction(0)) - c[i]) > CLOSE:
                 raise SceneError(
@@ -265,9 +242,7 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
         chained = np.ones(stages)  # A^(k−1) 1
         for k in range(1, self.order + 1):  # necessary for y' = f(t) and y' = λ y, so that a false order is noticed
             if max(abs(k * b_ @ c_ ** (k - 1) - 1.0), abs(math.factorial(k) * b_ @ chained - 1.0)) > 1e-9:
-                raise SceneError(
-                    f"order = {self.order}: these coefficients have at most order {k - 1}", id="method-order"
-                )
+                raise self._refused("order", f"these coefficients have at most order {k - 1}", "method-order")
             chained = A_ @ chained
 
     def _check_error(self) -> None:
@@ -312,15 +287,7 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
 
 
 def method(name: str) -> Method:
-    """Load a built-in method ("RK4", "Radau5", …), or the user's TOML file.
-
-    Raises
-    ------
-    ArgumentError
-        Unknown name.
-    DataFileError
-        The file is not a valid method.
-    """
+    """Load a built-in method ("RK4", "Radau5", …), or the user's TOML file."""
     return data_files.load("methods", "method", name, Method)
 
 
