@@ -237,15 +237,9 @@ def how_to_install(what: str) -> str:
         The end of a message: the command for pip, then, if conda-forge has these packages, the one for conda.
     """
     by_conda = {
-        "completion": "shtab",
-        "control": "control",
-        "dask": "distributed",
-        "engines": "pinocchio mujoco",
-        "report": "matplotlib jinja2",
-        "robots": "example-robot-data",
-        "tables": "pandas xarray",
-        "witness": "",  # Drake and Exudyn are not in conda-forge
-    }
+        "completion": "shtab", "control": "control", "dask": "distributed", "engines": "pinocchio mujoco",
+        "report": "matplotlib jinja2", "robots": "example-robot-data", "tables": "pandas xarray", "witness": "",
+    }  # fmt: skip
     by_pip = f"'flexlink[{what}]'" if what in by_conda else what
     packages = by_conda.get(what, what)
     also = f", or with: conda install -c conda-forge {packages}" if packages else ""

@@ -20,17 +20,10 @@ Slides = tuple[bool, ...]
 """For each link, whether its joint is prismatic."""
 
 IN_METRES = {
-    "joint_deg": "joint_m",
-    "rate_deg": "rate_m",
-    "target_deg": "target_m",
-    "to_deg": "to_m",
-    "from_deg": "from_m",
-    "max_rate_deg": "max_rate_m",
-    "max_acceleration_deg": "max_acceleration_m",
-    "max_jerk_deg": "max_jerk_m",
-    "angle_deg": "position_m",
-    "acceleration_deg": "acceleration_m",
-}
+    "joint_deg": "joint_m", "rate_deg": "rate_m", "target_deg": "target_m", "to_deg": "to_m", "from_deg": "from_m",
+    "max_rate_deg": "max_rate_m", "max_acceleration_deg": "max_acceleration_m", "max_jerk_deg": "max_jerk_m",
+    "angle_deg": "position_m", "acceleration_deg": "acceleration_m",
+}  # fmt: skip
 """Keys in degrees, with their twins in metres."""
 TWINS = IN_METRES | {m: deg for deg, m in IN_METRES.items()}
 
