@@ -28,11 +28,10 @@ from flexlink.kernels.tools.machine_code import families_here, here
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `compile`."""
-    command.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes; default: one per core")
-    command.add_argument(
-        "--out", type=Path, metavar="FOLDER", help="folder for the code, to package it; default: the user's cache"
-    )
-    command.add_argument(
+    add = command.add_argument
+    add("--jobs", type=int, default=os.cpu_count() or 1, help="processes; default: one per core")
+    add("--out", type=Path, metavar="FOLDER", help="folder for the code, to package it; default: the user's cache")
+    add(
         "--cpu", action="append", metavar="FAMILY",
         help=f"compile for a processor family, {', '.join(FAMILIES)}, with --out; default: this one; may be repeated",
     )  # fmt: skip

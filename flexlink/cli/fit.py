@@ -39,50 +39,36 @@ from flexlink.pages.tables import Table
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `fit`."""
-    command.add_argument(
-        "problem", type=Path, nargs="+", help="problem file (.toml); several with the same data are compared"
-    )
-    command.add_argument(
-        "--check",
-        action="store_true",
+    add = command.add_argument
+    add("problem", type=Path, nargs="+", help="problem file (.toml); several with the same data are compared")
+    add(
+        "--check", action="store_true",
         help="only check identifiability and segments, without fitting; exit with 1 if it fails",
-    )
-    command.add_argument(
-        "--propose",
-        action="store_true",
+    )  # fmt: skip
+    add(
+        "--propose", action="store_true",
         help="rank experiments by how much they would narrow the widest interval, at the solution, or with --check at "
         "the initial guess",
-    )
-    command.add_argument(
-        "--experiments",
-        type=Path,
-        metavar="FILE",
+    )  # fmt: skip
+    add(
+        "--experiments", type=Path, metavar="FILE",
         help="TOML file of experiments for --propose, in addition to the built-in ones",
-    )
-    command.add_argument(
-        "--out",
-        type=Path,
-        metavar="FOLDER",
+    )  # fmt: skip
+    add(
+        "--out", type=Path, metavar="FOLDER",
         help="folder for the report, fitted.toml, fit.json and tables; also with --check",
-    )
-    command.add_argument("--starts", type=int, default=1, metavar="N", help="number of initial guesses; default: 1")
-    command.add_argument(
-        "--profile",
-        action="store_true",
+    )  # fmt: skip
+    add("--starts", type=int, default=1, metavar="N", help="number of initial guesses; default: 1")
+    add(
+        "--profile", action="store_true",
         help="compute intervals by profile likelihood, with all other parameters refitted",
-    )
-    command.add_argument(
-        "--grid",
-        choices=get_args(Grid),
-        default="check",
+    )  # fmt: skip
+    add(
+        "--grid", choices=get_args(Grid), default="check",
         help="errors due to the number of segments: check (estimate them; default), auto (take enough segments), "
         "ignore (for data simulated with the same segments)",
-    )
-    command.add_argument(
-        "--folds",
-        action="store_true",
-        help="leave out each run in turn, and predict it by a fit of the others",
-    )
+    )  # fmt: skip
+    add("--folds", action="store_true", help="leave out each run in turn, and predict it by a fit of the others")
 
 
 def run_command(options: argparse.Namespace) -> int:

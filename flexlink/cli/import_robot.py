@@ -29,18 +29,19 @@ from flexlink.robots.robot_file import read_robot
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `import`."""
-    command.add_argument("robot", help="URDF file, or the name of one that `flexlink robots` lists")
-    command.add_argument("--out", type=Path, help="scene file to write (.toml); default: print the arm only")
-    command.add_argument("--base", help="link where the arm begins; default: the root of the robot")
-    command.add_argument("--tip", action="append", help="end of a path, other joints are locked; may be repeated")
-    command.add_argument("--free-base", action="store_true", help="let the base float: a rigid body with mass")
+    add = command.add_argument
+    add("robot", help="URDF file, or the name of one that `flexlink robots` lists")
+    add("--out", type=Path, help="scene file to write (.toml); default: print the arm only")
+    add("--base", help="link where the arm begins; default: the root of the robot")
+    add("--tip", action="append", help="end of a path, other joints are locked; may be repeated")
+    add("--free-base", action="store_true", help="let the base float: a rigid body with mass")
     for option, form, text in (
         ("posture", "JOINT=DEG", "initial angle of a joint [deg], or position of a slide [m]"),
         ("locked", "JOINT=DEG", "lock a joint of the arm at this angle [deg], or a slide at this position [m]"),
         ("flexible", "LINK={…}", "make a link flexible: { section, material, mass, frequency_hz, line, segments, … }"),
         ("armature", "JOINT=I", "rotor inertia seen at the joint [kg m²; for a slide, kg]"),
     ):
-        command.add_argument(f"--{option}", action="append", default=[], metavar=form, help=f"{text}; may be repeated")
+        add(f"--{option}", action="append", default=[], metavar=form, help=f"{text}; may be repeated")
 
 
 def run_command(options: argparse.Namespace) -> int:

@@ -26,16 +26,17 @@ from flexlink.motion.inversion import Inversion, ShapedMove, invert
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `invert`."""
-    command.add_argument("scene", type=Path, help="scene file (.toml) with drive kind pd; its reference is the move")
-    command.add_argument(
+    add = command.add_argument
+    add("scene", type=Path, help="scene file (.toml) with drive kind pd; its reference is the move")
+    add(
         "--tip", type=float, nargs=3, metavar=("X", "Y", "Z"),
         help="instead of the reference: point to which the tip moves along a straight line [m], frame 0",
     )  # fmt: skip
-    command.add_argument("--duration", type=float, help="duration of the move to a point [s]")
-    command.add_argument("--tolerance", type=float, default=1e-3, help="allowed error of the tip [m]; default: 0.001")
-    command.add_argument("--shaper", default="ZVD", help="input shaper to compare with; default: ZVD")
-    command.add_argument("--out", type=Path, help="write the driven scene to this file (.toml)")
-    command.add_argument("--plot", type=Path, help="plot its run to this file (.png, .svg or .pdf)")
+    add("--duration", type=float, help="duration of the move to a point [s]")
+    add("--tolerance", type=float, default=1e-3, help="allowed error of the tip [m]; default: 0.001")
+    add("--shaper", default="ZVD", help="input shaper to compare with; default: ZVD")
+    add("--out", type=Path, help="write the driven scene to this file (.toml)")
+    add("--plot", type=Path, help="plot its run to this file (.png, .svg or .pdf)")
 
 
 def run_command(options: argparse.Namespace) -> int:

@@ -29,14 +29,15 @@ from flexlink.results.trajectory import plotting
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `modes`."""
-    command.add_argument("scene", type=Path, help="scene file (.toml)")
-    command.add_argument("--lock", nargs="+", default=[], metavar="NAME", help="links or joints (boom.2.z) to lock")
-    command.add_argument(
+    add = command.add_argument
+    add("scene", type=Path, help="scene file (.toml)")
+    add("--lock", nargs="+", default=[], metavar="NAME", help="links or joints (boom.2.z) to lock")
+    add(
         "--rate", nargs="+", default=[], metavar="NAME=RATE",
         help="compute modes about a motion with constant joint rates, such as hub=500rpm; rpm, deg/s, rad/s, m/s",
     )  # fmt: skip
-    command.add_argument("--count", type=int, default=8, help="number of modes, slowest first; default: 8")
-    command.add_argument("--plot", type=Path, help="plot the mode shapes to this file (.png, .svg or .pdf)")
+    add("--count", type=int, default=8, help="number of modes, slowest first; default: 8")
+    add("--plot", type=Path, help="plot the mode shapes to this file (.png, .svg or .pdf)")
 
 
 def print_modes(scene: Scene, found: Modes, which: Iterable[int]) -> None:

@@ -20,9 +20,10 @@ from flexlink.pages.builders import require_pages
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `report`."""
-    command.add_argument("scene", type=Path, help="scene file (.toml)")
-    command.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="folder of index.html and its files")
-    command.add_argument(
+    add = command.add_argument
+    add("scene", type=Path, help="scene file (.toml)")
+    add("--out", type=Path, required=True, metavar="FOLDER", help="folder of index.html and its files")
+    add(
         "--against", type=Path, metavar="FILE",
         help="MJCF, URDF or SDF file of the same arm, or measurements (.csv) with t [s] and columns of "
         "`flexlink simulate --out run.csv`",

@@ -45,35 +45,30 @@ from flexlink.results.trajectory import Trajectory
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `simulate`; the scene's values are the defaults."""
+    add = command.add_argument
     methods, solvers = ", ".join(data_files.names("methods")), ", ".join(SOLVERS)
-    command.add_argument("scene", type=Path, help="scene file (.toml)")
-    command.add_argument("--method", help=f"integrator: auto, {methods}, or a file (.toml)")
-    command.add_argument("--step", type=float, help="fixed step [s]")
-    command.add_argument("--tolerance", type=float, help="adaptive steps: error of the position of any body [m]")
-    command.add_argument(
-        "--relative-tolerance",
-        type=float,
+    add("scene", type=Path, help="scene file (.toml)")
+    add("--method", help=f"integrator: auto, {methods}, or a file (.toml)")
+    add("--step", type=float, help="fixed step [s]")
+    add("--tolerance", type=float, help="adaptive steps: error of the position of any body [m]")
+    add(
+        "--relative-tolerance", type=float,
         help="adaptive steps: error as a fraction of the arm's reach, or of its deflection",
-    )
-    command.add_argument(
-        "--accuracy", help="what the tolerance applies to: auto (the tip and what is read), tip, or deflection"
-    )
-    command.add_argument(
-        "--max-evaluations", type=float, help="adaptive steps: stop the run after this many evaluations"
-    )
-    command.add_argument("--duration", type=float, help="simulated time [s]")
-    command.add_argument("--sample", type=float, help="time between two samples [s], a multiple of the step")
-    command.add_argument("--solver", help=f"solver of the forward dynamics: {solvers}")
-    command.add_argument(
+    )  # fmt: skip
+    add("--accuracy", help="what the tolerance applies to: auto (the tip and what is read), tip, or deflection")
+    add("--max-evaluations", type=float, help="adaptive steps: stop the run after this many evaluations")
+    add("--duration", type=float, help="simulated time [s]")
+    add("--sample", type=float, help="time between two samples [s], a multiple of the step")
+    add("--solver", help=f"solver of the forward dynamics: {solvers}")
+    add(
         "--insist", action="store_const", const="allow", dest="unstable",
         help="run even if the step exceeds the stability limit, and keep a run whose energy does not balance",
     )  # fmt: skip
-    command.add_argument("--out", type=Path, help="write the samples to this file (.npz or .csv)")
-    command.add_argument(
-        "--plot",
-        type=Path,
+    add("--out", type=Path, help="write the samples to this file (.npz or .csv)")
+    add(
+        "--plot", type=Path,
         help="plot angles [deg], tip [m], drive torques [N m] and energy [J] to this file (.png, .svg or .pdf)",
-    )
+    )  # fmt: skip
 
 
 def run_command(options: argparse.Namespace) -> int:
