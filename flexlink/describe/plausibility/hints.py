@@ -25,20 +25,10 @@ from flexlink.describe.sensor import column_names
 
 @keep_last(64)
 def hints(scene: Scene) -> tuple[Diagnostic, ...]:
-    """Find numbers that were probably given in another unit, each with plausible values and the likely unit.
+    """Numbers that were probably given in another unit, each with plausible values and the likely unit, one line each.
 
     It never raises, and only does arithmetic on the scene's numbers, without lumping. Units are inferred from ranges of
     material properties, slenderness, sizes relative to the arm, strains under its load, and the digits of angles.
-
-    Parameters
-    ----------
-    scene
-        The scene.
-
-    Returns
-    -------
-    tuple of Diagnostic
-        One line each; empty if all numbers are plausible.
     """
     try:
         return tuple(_hints(scene))
