@@ -72,7 +72,8 @@ def texts() -> dict[str, set[str]]:
     """Texts of errors, warnings and notes in the source, by id, with … for every value."""
     found: dict[str, set[str]] = {}
     for path in sorted(LIBRARY.rglob("*.py")):
-        for name, text in _identified(ast.walk(ast.parse(path.read_text(encoding="utf-8")))):
+        tree = _Said().visit(ast.parse(path.read_text(encoding="utf-8")))
+        for name, text in _identified(ast.walk(tree)):
             if not name:
                 continue
             found.setdefault(name, set())
@@ -83,6 +84,36 @@ def texts() -> dict[str, set[str]]:
     ):
         found.setdefault(name, set())
     return found
+
+
+class _Said(ast.NodeTransformer):
+    """Put texts in the places of the names to which they are assigned above, in the same function."""
+
+    def __init__(self) -> None:
+        self.said: dict[str, ast.expr] = {}
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
+        """Names of other functions mean something else."""
+        outer, self.said = self.said, {}
+        self.generic_visit(node)
+        self.said = outer
+        return node
+
+    def visit_Assign(self, node: ast.Assign) -> ast.AST:
+        """Note a text."""
+        self.generic_visit(node)
+        text = isinstance(node.value, ast.JoinedStr) or isinstance(getattr(node.value, "value", None), str)
+        if isinstance(node.targets[0], ast.Name) and text:
+            self.said[node.targets[0].id] = node.value
+        return node
+
+    def visit_FormattedValue(self, node: ast.FormattedValue) -> ast.AST:
+        """A text in a text."""
+        return self.said.get(node.value.id, node) if isinstance(node.value, ast.Name) else node
+
+    def visit_Name(self, node: ast.Name) -> ast.AST:
+        """A text as an argument."""
+        return self.said.get(node.id, node) if isinstance(node.ctx, ast.Load) else node
 
 
 def _identified(nodes: Iterable[ast.AST]) -> Iterator[tuple[str, str]]:

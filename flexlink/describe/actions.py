@@ -159,16 +159,13 @@ class Wrench(Spec, frozen=True):
         if self.times is None:
             for name, rows in tables.items():
                 if rows is not None:
-                    raise SceneError(f"{name} = {truncated(rows)}: needs times, one per row", id="needs-another-key")
+                    raise self._refused(name, "needs times, one per row", "needs-another-key")
             return
         if self.forces is None and self.moments is None:
             raise self._refused("times", "needs forces, moments or both, one row per time", "missing-key")
         for name in ("force", "moment"):
             if any(getattr(self, name)):
-                raise SceneError(
-                    f"{name} = {truncated(getattr(self, name))}: times are also given; give {name}s, one row per time",
-                    id="one-per-time",
-                )
+                raise self._refused(name, f"times are also given; give {name}s, one row per time", "one-per-time")
 
     @property
     def varies(self) -> bool:

@@ -80,25 +80,16 @@ class Joint(Spec, frozen=True):
         self.direction  # noqa: B018  refuses a zero axis
         other = "limits_deg" if self.slides else "limits_m"
         if getattr(self, other) is not None:
-            raise SceneError(
-                f"{other} = {getattr(self, other)}: a {self.kind} joint takes {self.limits_key}",
-                id="key-of-another-kind",
-            )
+            raise self._refused(other, f"a {self.kind} joint takes {self.limits_key}", "key-of-another-kind")
         if self.limits is not None and self.limits[0] >= self.limits[1]:
-            raise SceneError(
-                f"{self.limits_key} = {self.limits}: the lower limit must be less than the upper", id="limits-order"
-            )
+            raise self._refused(self.limits_key, "the lower limit must be less than the upper", "limits-order")
         if self.viscous_lag and not self.viscous:
             raise self._refused("viscous_lag", "needs a viscous friction > 0", "needs-another-key")
         if self.gear_stiffness is None and self.gear_damping:
             raise self._refused("gear_damping", "needs a gear_stiffness", "needs-another-key")
         if self.gear_stiffness is not None and not self.armature and not self.locked:
-            raise self._refused(
-                "armature",
-                f"gear_stiffness = {self.gear_stiffness!r} needs the motor's inertia, because there is no other "
-                "inertia between motor and gear (default: 0)",
-                "needs-another-key",
-            )
+            needs = f"gear_stiffness = {self.gear_stiffness!r} needs the motor's inertia, because there is no other"
+            raise self._refused("armature", f"{needs} inertia between motor and gear (default: 0)", "needs-another-key")
 
     @property
     def slides(self) -> bool:
@@ -212,7 +203,6 @@ def refuse_beyond(course: ReferenceTrajectory, joints: Sequence[tuple[str, Joint
         low, high = joint.limits or (-math.inf, math.inf)
         for position in extremes:
             if max(low - position, position - high) > rounding * np.abs(extremes).max():
-                reason = f"outside {joint.limits_key} = {[low, high]} of the joint of {name!r}"
-                raise SceneError(
-                    f"reaches {position:.9g} {OF_JOINT[joint.slides].unit}: {reason}", id="wrench-out-of-reach"
-                )
+                at = f"reaches {position:.9g} {OF_JOINT[joint.slides].unit}"
+                outside = f"outside {joint.limits_key} = {[low, high]} of the joint of {name!r}"
+                raise SceneError(f"{at}: {outside}", id="wrench-out-of-reach")

@@ -163,9 +163,8 @@ class Link(Spec, frozen=True):
         for axis in ROOT_AXES:
             damping = getattr(self.root_damping, axis, 0.0)
             if damping and axis not in self.root_springs:
-                raise SceneError(
-                    f"root_damping.{axis} = {damping!r}: needs a root_stiffness.{axis}", id="needs-another-key"
-                )
+                given = f"root_damping.{axis} = {damping!r}"
+                raise SceneError(f"{given}: needs a root_stiffness.{axis}", id="needs-another-key")
         length = self.beam.length
         if self.flex != "rigid":
             self._check_flexible(length)
@@ -178,45 +177,32 @@ class Link(Spec, frozen=True):
             given = segments if self.segments != 1 else "modes: a rigid link has none"
             raise SceneError(f"{given}; to make it bend, set flex = 'z', 'yz' or 'xyz'", id="rigid-segments")
         if self.strains:
+            remedy = "set flex = 'z', 'yz' or 'xyz'"
             raise SceneError(
-                f"{self._strains}: a rigid link does neither shear nor stretch; set flex = 'z', 'yz' or 'xyz'",
-                id="rigid-strains",
+                f"{self._strains}: a rigid link does neither shear nor stretch; {remedy}", id="rigid-strains"
             )
         if self.rigidity is not None and length == 0:
-            raise self._refused(
-                "length", "a link with a rigidity needs a length > 0 or a line (default: 0)", "needs-a-length"
-            )
+            why = "a link with a rigidity needs a length > 0 or a line (default: 0)"
+            raise self._refused("length", why, "needs-a-length")
         if self.material is not None and length == 0:
-            raise self._refused(
-                "length",
-                f"a link of material {self.material!r} needs a length > 0 or a line; a link without length has "
-                "neither material nor section, but may have a hub",
-                "needs-a-length",
-            )
+            needs = f"a link of material {self.material!r} needs a length > 0 or a line"
+            bare = "a link without length has neither material nor section, but may have a hub"
+            raise self._refused("length", f"{needs}; {bare}", "needs-a-length")
 
     def _check_flexible(self, length: float) -> None:
         if self.segments < 2:
-            raise self._refused(
-                "segments", "a flexible link needs at least 2, most rules 3, such as 5 (default: 1)", "too-few-segments"
-            )
+            why = "a flexible link needs at least 2, most rules 3, such as 5 (default: 1)"
+            raise self._refused("segments", why, "too-few-segments")
         if length == 0:
             raise self._refused("length", "a flexible link needs a length > 0 or a line (default: 0)", "needs-a-length")
         if self.material is None and self.rigidity is None:
-            raise SceneError(
-                "material, section: missing; a flexible link needs a material and a section, or a rigidity",
-                id="missing-key",
-            )
-
+            raise missing("material, section", "a flexible link needs a material and a section, or a rigidity")
         if self.modes is not None and self.strains:
-            raise SceneError(
-                f"{self._strains}: modes = {self.modes!r}: strain modes have no shear or stretch; leave out modes",
-                id="modes-without-strains",
-            )
+            why = f"modes = {self.modes!r}: strain modes have no shear or stretch; leave out modes"
+            raise SceneError(f"{self._strains}: {why}", id="modes-without-strains")
         if self.rigidity is not None and self.strains:
-            raise SceneError(
-                f"{self._strains}: rigidity = {self.rigidity!r} has no stiffness for it; use a material and a section",
-                id="strains-need-a-section",
-            )
+            why = f"rigidity = {self.rigidity!r} has no stiffness for it; use a material and a section"
+            raise SceneError(f"{self._strains}: {why}", id="strains-need-a-section")
 
     @property
     def joint_name(self) -> str:

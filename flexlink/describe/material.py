@@ -80,10 +80,7 @@ class Section(Spec, frozen=True):
         dimensions = [n for n in self.__struct_fields__ if n != "shape" and getattr(self, n) is not None]
         for name in dimensions:
             if name not in wanted:
-                allowed = ", ".join(wanted)
-                raise SceneError(
-                    f"{name} = {getattr(self, name)!r}: a {self.shape} takes {allowed}", id="key-of-another-kind"
-                )
+                raise self._refused(name, f"a {self.shape} takes {', '.join(wanted)}", "key-of-another-kind")
         for name in wanted:
             if name not in dimensions:
                 raise missing(name, f"a {self.shape} needs {', '.join(wanted)}")
@@ -101,9 +98,8 @@ class Section(Spec, frozen=True):
         for name, value in properties.items():
             if not 0 < value < math.inf:
                 values = ", ".join(f"{key} = {getattr(self, key)!r}" for key in dimensions)
-                raise SceneError(
-                    f"{values}: {name} {'underflows' if value == 0 else 'overflows'} float64", id="overflow"
-                )
+                flows = "underflows" if value == 0 else "overflows"
+                raise SceneError(f"{values}: {name} {flows} float64", id="overflow")
 
     @property
     def properties(self) -> SectionProperties:

@@ -124,28 +124,28 @@ class Reference(Spec, frozen=True):
         for name in dict.fromkeys(name for both in TAKES.values() for part in both for name in part):
             values = {key: getattr(self, key) for key in (name, IN_METRES.get(name, name))}
             if name in needs and all(value is None for value in values.values()):
-                raise missing(name, f"profile {self.profile!r} takes {_taken(needs, may)}")
+                raise missing(name, self._takes)
             for key, value in values.items():
                 if name not in (*needs, *may) and value not in (None, 0.0):
-                    takes = _taken(needs, may)
-                    raise SceneError(
-                        f"{key} = {truncated(value)}: profile {self.profile!r} takes {takes}", id="key-of-another-kind"
-                    )
+                    raise self._refused(key, self._takes, "key-of-another-kind")
         self._check_limits()
         if self.times is None:
             self._check_time_of_move()
         else:
             self._check_table(self.times)
 
+    @property
+    def _takes(self) -> str:
+        """The keys that the profile needs, and the keys that it may have, in words."""
+        needs, may = TAKES[self.profile]
+        also = f", and may have {', '.join(may)}" if may else ""
+        return f"profile {self.profile!r} takes {', '.join(needs)}{also}"
+
     def _check_file(self) -> None:
         """Check that a reference with a file has a table profile, and that no rows are also given."""
         if self.profile not in TABLED:
-            raise self._refused(
-                "file",
-                f"profile {self.profile!r} takes {_taken(*TAKES[self.profile])}; a file needs profile "
-                f"{', '.join(TABLED)}",
-                "key-of-another-kind",
-            )
+            why = f"{self._takes}; a file needs profile {', '.join(TABLED)}"
+            raise self._refused("file", why, "key-of-another-kind")
         for key in sorted([*_in_both(*LISTS, *OF_MOTION), "times", "start", "duration"]):
             if getattr(self, key) not in (None, 0.0):
                 raise both_given("file", self.file, key)
@@ -280,11 +280,8 @@ class Reference(Spec, frozen=True):
             c[:, 0] += a
             there = distinct(knots)
             if not there[:-1].any():
-                raise self._refused(
-                    "start",
-                    f"too late: float64 cannot resolve a move of {lasts:.3g} s at that time; start earlier",
-                    "start-too-late",
-                )
+                why = f"too late: float64 cannot resolve a move of {lasts:.3g} s at that time; start earlier"
+                raise self._refused("start", why, "start-too-late")
             courses.append(from_rest_to_rest(knots[there], c[there[:-1], :, None], np.array([b])))
         return side_by_side(courses)
 
@@ -298,9 +295,7 @@ class Reference(Spec, frozen=True):
             require_positive(f"{key}.{link + 1}", limit)
         deciding = [IN_METRES[name] if slides else name for name in self._deciding]
         if not limits.keys() & set(deciding):
-            raise SceneError(
-                f"{deciding[0]}: missing; there are {OF_JOINT[slides].name} joints that move", id="missing-key"
-            )
+            raise missing(deciding[0], f"there are {OF_JOINT[slides].name} joints that move")
         rate, acceleration, jerk = (limits.get(key, math.inf) for key in keys)
         return fastest(distance, (rate, acceleration, jerk))
 
@@ -328,11 +323,6 @@ class Reference(Spec, frozen=True):
 def _in_both(*keys: str) -> list[str]:
     """Keys in degrees, each followed by its twin in metres."""
     return [one for key in keys for one in (key, IN_METRES[key])]
-
-
-def _taken(needs: Sequence[str], may: Sequence[str]) -> str:
-    """Text that lists the keys that a profile needs, and the keys that it may have."""
-    return ", ".join(needs) + (f", and may have {', '.join(may)}" if may else "")
 
 
 def smooth_pieces(t: Array, known: list[Array]) -> Array:

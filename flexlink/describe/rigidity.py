@@ -13,7 +13,7 @@ import numpy as np
 
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.common.types import Array
-from flexlink.common.wording import both_given, truncated
+from flexlink.common.wording import both_given
 from flexlink.data.csv_table import head_of, read_csv
 from flexlink.describe.spec import NonNegative, Positive, Spec, measured_in
 
@@ -72,18 +72,14 @@ class Rigidity(Spec, frozen=True):
             raise self._refused("x", "expected two rows or more, the first at 0", "rigidity-table")
         for k, (before, x) in enumerate(itertools.pairwise(self.x), 1):
             if x < before or (k >= 2 and x == before == self.x[k - 2]):
-                raise SceneError(
-                    f"x[{k}] = {x!r}: must not be less than x[{k - 1}] = {before!r}; at most two rows may be equal",
-                    id="rigidity-table",
-                )
+                why = f"must not be less than x[{k - 1}] = {before!r}; at most two rows may be equal"
+                raise SceneError(f"x[{k}] = {x!r}: {why}", id="rigidity-table")
         if self.x[0] == self.x[1] or self.x[-1] == self.x[-2]:
             raise self._refused("x", "the ends of a beam cannot have jumps; give one row there", "rigidity-table")
         for name in COLUMNS:
             column = getattr(self, name)
             if column is not None and len(column) != len(self.x):
-                raise SceneError(
-                    f"{name} = {truncated(column)}: expected one number per row of x, {len(self.x)}", id="one-per-row"
-                )
+                raise self._refused(name, f"expected one number per row of x, {len(self.x)}", "one-per-row")
 
     def _read(self, file: str) -> None:
         """Fill the columns from a file, and clear `file`."""

@@ -125,9 +125,7 @@ class Sensor(Spec, frozen=True):
                 raise missing(key, f"kind {self.kind!r} needs {wanted}")
             if value is not None and key not in (*needs, *may):
                 takes = ", ".join((*needs, *may)) or "none of " + ", ".join(of_kinds)
-                raise SceneError(
-                    f"{key} = {truncated(value)}: kind {self.kind!r} takes {takes}", id="key-of-another-kind"
-                )
+                raise self._refused(key, f"kind {self.kind!r} takes {takes}", "key-of-another-kind")
         if self.x is not None and self.point is not None:
             raise both_given("point", self.point, f"x = {self.x!r}")
         if self.axis is not None:
@@ -136,17 +134,13 @@ class Sensor(Spec, frozen=True):
             raise SceneError("gain = 0.0: must not be 0, which measures nothing", id="zero-gain")
         for key in ("noise", "bias_walk"):
             if 0 < getattr(self, key) < SMALL:
-                raise SceneError(
-                    f"{key} = {getattr(self, key)!r}: must be 0, or at least {SMALL:g}", id="noise-too-small"
-                )
+                raise self._refused(key, f"must be 0, or at least {SMALL:g}", "noise-too-small")
         self._check_unit()
         for key, of in (("order", ("low_pass",)), ("damping", ("low_pass",)), ("seed", ("noise", "bias_walk"))):
             if getattr(self, key) is not None and not any(getattr(self, each) for each in of):
                 other = " or ".join(of)
-                raise SceneError(
-                    f"{key} = {getattr(self, key)!r}: has no effect without {other}; give {other}, or leave {key} out",
-                    id="needs-another-key",
-                )
+                why = f"has no effect without {other}; give {other}, or leave {key} out"
+                raise self._refused(key, why, "needs-another-key")
         if self.filter and self.low_pass is not None:
             raise both_given("low_pass", self.low_pass, "filter")
         if self.low_pass is not None:
@@ -161,10 +155,8 @@ class Sensor(Spec, frozen=True):
         )  # fmt: skip
         for key, text in (("name", self.name), ("unit", self.unit)):
             if text is not None and (not text or text != text.strip() or re.search(r"[\[\]\n\r\t]", text)):
-                raise SceneError(
-                    f"{key} = {text!r}: expected text without brackets, and without spaces at its ends",
-                    id="sensor-name",
-                )
+                why = "expected text without brackets, and without spaces at its ends"
+                raise self._refused(key, why, "sensor-name")
         if self.name in taken or re.match(r"(q|qd|tau) ", self.name):
             raise self._refused("name", "is the name of a column of every run; use another name", "sensor-name")
 
@@ -178,12 +170,9 @@ class Sensor(Spec, frozen=True):
         for unit_ in map(self._own_unit, OF_JOINT) if self.unit is not None and self.gain == 1 else ():
             size = instruments.get((self.unit or "", unit_)) or conversion(self.unit or "", unit_)
             if size is not None and size != 1:
-                raise self._refused(
-                    "unit",
-                    f"the column would be in {unit_}; give gain = {1 / size:.10g} ({self.unit} per {unit_}), or leave "
-                    "unit out",
-                    "unit-missing",
-                )
+                gain = f"give gain = {1 / size:.10g} ({self.unit} per {unit_})"
+                why = f"the column would be in {unit_}; {gain}, or leave unit out"
+                raise self._refused("unit", why, "unit-missing")
 
     @property
     def filters(self) -> tuple[Filter, ...]:
