@@ -87,10 +87,8 @@ def _code_writers(options: argparse.Namespace) -> dict[Path, Callable[[Chain], s
     """Writers of the requested code files, by path."""
     both = (options.c, functools.partial(to_c, slopes=options.slopes)), (options.casadi, to_casadi)
     if options.out.suffix in OF_ENGINES and not options.out.exists():
-        raise ArgumentError(
-            f"--out {options.out}: files are named after the scenes; give their folder, --out {options.out.parent}",
-            id="unknown-format",
-        )
+        text = f"--out {options.out}: files are named after the scenes; give their folder, --out {options.out.parent}"
+        raise ArgumentError(text, id="unknown-format")
     for path, end, what in ((options.c, ".c", "C code"), (options.casadi, ".py", "code for CasADi")):
         if path is not None:
             ending(path, (end,), what)

@@ -89,10 +89,8 @@ def rates_of(chain: Chain, texts: Iterable[str]) -> dict[str, float]:
         name, _, rate = text.partition("=")
         found = re.fullmatch(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(rpm|deg/s|rad/s|m/s)\s*", rate)
         if not found:
-            raise ArgumentError(
-                f"--rate {text}: expected NAME=RATE with a unit, such as hub=500rpm; {', '.join(units)}",
-                id="option-value",
-            )
+            why = f"--rate {text}: expected NAME=RATE with a unit, such as hub=500rpm; {', '.join(units)}"
+            raise ArgumentError(why, id="option-value")
         slides = bool(chain.slides[steady_joint(chain, name)])
         if slides != (found[2] == "m/s"):
             allowed = "m/s" if slides else "rpm, deg/s, rad/s"

@@ -107,10 +107,8 @@ def save_plot(figure: Figure, path: Path) -> None:
 def require_scene_file(path: Path) -> None:
     """Check, before results are computed, that a scene can be written to a file, which is not of another format."""
     if path.suffix in OF_ENGINES:
-        raise ArgumentError(
-            f"{path}: a scene is written as .toml; then: flexlink export SCENE.toml --format {OF_ENGINES[path.suffix]}",
-            id="unknown-format",
-        )
+        text = f"then: flexlink export SCENE.toml --format {OF_ENGINES[path.suffix]}"
+        raise ArgumentError(f"{path}: a scene is written as .toml; {text}", id="unknown-format")
     require_writable(path)
 
 

@@ -36,7 +36,5 @@ def drawing_module(name: str) -> ModuleType:
     try:
         return importlib.import_module(f"flexlink.{name}")
     except ImportError:
-        raise MissingDependencyError(
-            f"plotting needs matplotlib; install it with: {how_to_install('report')}",
-            id="package-missing",
-        ) from None
+        text = f"plotting needs matplotlib; install it with: {how_to_install('report')}"
+        raise MissingDependencyError(text, id="package-missing") from None

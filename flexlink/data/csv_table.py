@@ -54,10 +54,8 @@ class CsvTable(NamedTuple):
             near = self._misspelt(quantity, unit)
             zeros = "; for a joint without torque, add a column of zeros" if quantity.startswith("tau ") else ""
             remedy = zeros if near is None else f"; if {near!r} is meant, rename it"
-            raise DataFileError(
-                f"{self.path}: no column {wanted!r}; columns: {short_list(self.heads)}{remedy}",
-                id="no-such-column",
-            )
+            text = f"{self.path}: no column {wanted!r}; columns: {short_list(self.heads)}{remedy}"
+            raise DataFileError(text, id="no-such-column")
         if len(found) > 1:
             raise DataFileError(
                 f"{self.path}: column {quantity!r} appears twice: {short_list(self.heads)}", id="column-twice"
@@ -96,11 +94,8 @@ class CsvTable(NamedTuple):
         late = np.flatnonzero(np.diff(t) <= 0)
         if len(late):
             line = int(late[0]) + 3
-            raise DataFileError(
-                f"{self.path}: line {line}: t = {float(t[late[0] + 1])!r} s: must be later than the one before, "
-                f"{float(t[late[0]])!r} s",
-                id="times-not-increasing",
-            )
+            text = f"t = {float(t[late[0] + 1])!r} s: must be later than the one before, {float(t[late[0]])!r} s"
+            raise DataFileError(f"{self.path}: line {line}: {text}", id="times-not-increasing")
         return t
 
 

@@ -66,10 +66,8 @@ def _require(where: str, wanted: Sequence[str], heads: Sequence[str]) -> None:
     """Refuse a wanted column that does not exist."""
     absent = [name for name in wanted if name not in heads]
     if absent:
-        raise DataFileError(
-            f"{where}: no column {absent[0]!r}{did_you_mean(absent[0], heads)}; columns: {short_list(list(heads))}",
-            id="no-such-column",
-        )
+        text = f"{where}: no column {absent[0]!r}{did_you_mean(absent[0], heads)}; columns: {short_list(list(heads))}"
+        raise DataFileError(text, id="no-such-column")
 
 
 def measured_from(
@@ -88,10 +86,8 @@ def measured_from(
     if len(t) < 2 or not (np.diff(t) > 0).all():
         late = np.flatnonzero(np.diff(t) <= 0)
         first = f"; {float(t[late[0] + 1])!r} comes after {float(t[late[0]])!r}" if len(late) else ""
-        raise DataFileError(
-            f"{where}: {TIME}: expected two or more times, each later than the one before{first}",
-            id="times-not-increasing",
-        )
+        text = f"{where}: {TIME}: expected two or more times, each later than the one before{first}"
+        raise DataFileError(text, id="times-not-increasing")
     if not any(np.isfinite(column).any() for column in columns.values()):
         raise DataFileError(f"{where}: no measured values; expected columns such as 'tip x [m]'", id="no-such-column")
     return Measured(t, columns)

@@ -183,10 +183,8 @@ class Wrench(Spec, frozen=True):
         """
         if self.varies:
             cause = "frame = 'tip'" if self.frame == "tip" else f"times = {truncated(self.times)}"
-            raise SceneError(
-                f"wrench.{cause}: is not constant in frame 0; Trajectory.tip_wrench contains the wrench at the samples",
-                id="load-not-constant",
-            )
+            text = "Trajectory.tip_wrench contains the wrench at the samples"
+            raise SceneError(f"wrench.{cause}: is not constant in frame 0; {text}", id="load-not-constant")
         return np.array([*self.force, *self.moment])
 
     @property

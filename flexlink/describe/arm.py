@@ -43,11 +43,8 @@ class Base(RigidBody, frozen=True):
         if self.kind == "fixed" and (self.mass or any(self.inertia)):
             raise self._refused("mass", "a fixed base has no mass; kind = 'free' makes it float", "base-mass")
         if self.kind == "free" and not (self.mass and self.principal_moments[0] > 0):
-            raise SceneError(
-                f"mass = {self.mass!r}, inertia = {truncated(self.inertia)}: a free base needs mass, and inertia "
-                "about every axis",
-                id="base-mass",
-            )
+            text = f"mass = {self.mass!r}, inertia = {truncated(self.inertia)}"
+            raise SceneError(f"{text}: a free base needs mass, and inertia about every axis", id="base-mass")
 
     @property
     def free(self) -> bool:
@@ -268,8 +265,5 @@ def link_number(argument: str, value: object, names: Sequence[str]) -> int:
         return names.index(wanted) + 1
     if type(wanted) is int and 1 <= wanted <= len(names):
         return wanted
-    raise ArgumentError(
-        f"{argument} = {truncated(value)}: no link of this arm; allowed are {short_list(names)}, or 1 … {len(names)}"
-        f"{did_you_mean(wanted, names)}",
-        id="unknown-link",
-    )
+    text = f"allowed are {short_list(names)}, or 1 … {len(names)}{did_you_mean(wanted, names)}"
+    raise ArgumentError(f"{argument} = {truncated(value)}: no link of this arm; {text}", id="unknown-link")

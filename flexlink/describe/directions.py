@@ -54,10 +54,8 @@ def line_of(ends: tuple[Vector3, Vector3], up: Vector3 | None, axis: Array) -> L
     x = unit("line", along)
     z = _across(x, axis if up is None else unit("up", up))
     if z is None and up is not None:
-        raise SceneError(
-            f"up = {truncated(up)}: is parallel to the line; must point across it, along the section's z",
-            id="up-along-line",
-        )
+        text = f"up = {truncated(up)}: is parallel to the line; must point across it, along the section's z"
+        raise SceneError(text, id="up-along-line")
     if z is None:
         z = _across(x, np.eye(3)[2 if x[2] ** 2 < 0.5 else 1])
         assert z is not None  # x is at least 45° from this axis, so z exists

@@ -74,11 +74,8 @@ def _started_with(initial: InitialState, arm: Arm, number: int, motion: Prescrib
             remedy = "leave this out if the file is right: the joint starts where the file does"
             if key.endswith("_deg") and abs(given - np.radians(first)) <= allowed:
                 remedy = "its angles in rad are probably degrees: write [deg] in the name of the column"
-            raise SceneError(
-                f"{arm.path(number, f'initial.{key}')} = {given!r}: the file of the motion of {motion.link!r} starts "
-                f"at {first:.6g}; {remedy}",
-                id="start-differs-from-file",
-            )
+            text = f"the file of the motion of {motion.link!r} starts at {first:.6g}; {remedy}"
+            raise SceneError(f"{arm.path(number, f'initial.{key}')} = {given!r}: {text}", id="start-differs-from-file")
         row[number - 1] = first
         changes[key] = tuple(row)
     return replace(initial, **changes)
@@ -161,15 +158,11 @@ def wrench_from_file(wrench: Wrench) -> Wrench:
         for head in table.heads:
             quantity = head_of(head)[0]
             if quantity not in allowed and quantity.startswith(("force", "moment")):
-                raise DataFileError(
-                    f"{table.path}: column {head!r}: not known; expected {short_list(sorted(allowed))}",
-                    id="unknown-column",
-                )
+                text = f"{table.path}: column {head!r}: not known; expected {short_list(sorted(allowed))}"
+                raise DataFileError(text, id="unknown-column")
         if not allowed & there:
-            raise DataFileError(
-                f"{table.path}: needs a column 'force x [N]' or 'moment z [N m]'; has {short_list(table.heads)}",
-                id="no-such-column",
-            )
+            text = f"{table.path}: needs a column 'force x [N]' or 'moment z [N m]'; has {short_list(table.heads)}"
+            raise DataFileError(text, id="no-such-column")
         rows: dict[str, Any] = {}
         none = np.zeros(len(table.values))
         for key, (name, unit) in parts.items():

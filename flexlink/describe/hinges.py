@@ -53,10 +53,8 @@ def _hinges_of(link: Link) -> tuple[Array, Array]:
     if nodes[0] == 0 and not _stands_alone(link):
         raise SceneError(f"lumping = {link.lumping!r}: puts a hinge on {_bare(link)}", id="hinge-without-inertia")
     if nodes[-1] == 1:
-        raise SceneError(
-            f"lumping = {link.lumping!r}: puts a hinge at the link's end, with no inertia beyond it",
-            id="hinge-without-inertia",
-        )
+        text = f"lumping = {link.lumping!r}: puts a hinge at the link's end, with no inertia beyond it"
+        raise SceneError(text, id="hinge-without-inertia")
     return nodes, weights
 
 
@@ -111,9 +109,7 @@ def _placed(rule: LumpingRule, count: int) -> tuple[Array, Array]:
     """Nodes and weights, read-only because scenes of a sweep share them."""
     nodes, weights = rule.hinges(count)
     if not ((np.diff(nodes) > 0).all() and np.isfinite([nodes, weights]).all() and (weights > 0).all()):
-        raise ArgumentError(
-            "has spacings or weights below float64 resolution; use fewer segments or another rule",
-            id="rule-resolution",
-        )
+        text = "has spacings or weights below float64 resolution; use fewer segments or another rule"
+        raise ArgumentError(text, id="rule-resolution")
     nodes.flags.writeable = weights.flags.writeable = False
     return nodes, weights

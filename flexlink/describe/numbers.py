@@ -19,10 +19,8 @@ def require_increasing(name: str, times: Sequence[float]) -> None:
         raise SceneError(f"{name} = (): a table needs at least one row", id="file-empty")
     for k, (before, time) in enumerate(itertools.pairwise(times), 1):
         if not time > before:
-            raise SceneError(
-                f"{name}[{k}] = {time!r}: must be greater than {name}[{k - 1}] = {before!r}; times must increase",
-                id="times-not-increasing",
-            )
+            text = f"{name}[{k}] = {time!r}: must be greater than {name}[{k - 1}] = {before!r}; times must increase"
+            raise SceneError(text, id="times-not-increasing")
 
 
 def require_positive(name: str, number: float, why: str = "") -> None:

@@ -130,23 +130,15 @@ def check_base(arm: Arm, initial: InitialState, drive: Drive) -> None:
     """Refuse an initial state of a fixed base, and drives that assume a fixed base if the base is free."""
     free = arm.base.free
     if initial.base != BaseState() and not free:
-        raise SceneError(
-            "initial.base: has no effect, the base is fixed; leave it out, or give base = { kind = 'free', "
-            "mass = …, inertia = … }",
-            id="no-effect",
-        )
+        text = "leave it out, or give base = { kind = 'free', mass = …, inertia = … }"
+        raise SceneError(f"initial.base: has no effect, the base is fixed; {text}", id="no-effect")
     if free and initial.passive == "static":
-        raise SceneError(
-            "initial.passive = 'static': an arm on a free base has no equilibrium; leave passive out",
-            id="rest-of-free-base",
-        )
+        text = "initial.passive = 'static': an arm on a free base has no equilibrium; leave passive out"
+        raise SceneError(text, id="rest-of-free-base")
     for key, value in (("kind", drive.kind), ("gravity", drive.gravity)):
         if free and value in {"computed_torque", "rigid", "static"}:
-            raise SceneError(
-                f"drive.{key} = {value!r}: assumes a fixed base, but the base is free; use kind 'pd' without gravity, "
-                "or a custom controller",
-                id="drive-of-free-base",
-            )
+            text = f"drive.{key} = {value!r}: assumes a fixed base, but the base is free"
+            raise SceneError(f"{text}; use kind 'pd' without gravity, or a custom controller", id="drive-of-free-base")
 
 
 def check_wrench(arm: Arm, wrench: Wrench) -> None:

@@ -69,10 +69,8 @@ def refuse_scene(document: dict[str, Any], path: Path, what: str) -> None:
     """Refuse a scene file given instead of a file that names a scene."""
     if "link" in document and "scene" not in document:
         example = "models/fits/tapped.toml" if "fit" in what else "models/sweeps/payload.toml"
-        raise SceneError(
-            f"this is a scene; {what} names one by scene = {path.name!r} and adds what to vary, as {example} does",
-            id="is-a-scene",
-        )
+        text = f"this is a scene; {what} names one by scene = {path.name!r} and adds what to vary, as {example} does"
+        raise SceneError(text, id="is-a-scene")
 
 
 def _refuse_other(raw: dict[str, Any]) -> None:

@@ -177,11 +177,8 @@ def refined(scene: Scene, factor: float) -> Scene:
     for name in ("q", "qd"):
         value = getattr(scene.initial, name)
         if value is not None:
-            raise SceneError(
-                f"initial.{name} = {truncated(value)}: fits only one number of hinges; use initial.joint_deg, rate_deg "
-                "and passive",
-                id="hinge-state-with-advice",
-            )
+            text = f"initial.{name} = {truncated(value)}: fits only one number of hinges"
+            raise SceneError(f"{text}; use initial.joint_deg, rate_deg and passive", id="hinge-state-with-advice")
     links = tuple(_refined(link, factor) for link in scene.arm.links)
     return replace(scene, arm=replace(scene.arm, links=links))
 

@@ -114,10 +114,8 @@ class LumpingRule(Spec, frozen=True):
         if sum(kind is not None for kind in (self.grid, self.element, self.jacobi, self.cells)) != 1:
             raise SceneError("grid, element, jacobi, cells: a rule has exactly one of the four", id="rule-kind")
         if self.cells is not None and self.matched_twist:
-            raise SceneError(
-                "matched_twist = true: not needed with cells, whose twist has order 4 without it; leave it out",
-                id="rule-kind",
-            )
+            text = "matched_twist = true: not needed with cells, whose twist has order 4 without it; leave it out"
+            raise SceneError(text, id="rule-kind")
 
     def hinges(self, count: int) -> tuple[Array, Array]:
         """Nodes and weights of `count` hinges on [0, 1]."""

@@ -154,25 +154,19 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
     def modes(self) -> Modes:
         """Eigenvalues and eigenvectors of A of an implicit method."""
         if self.explicit:
-            raise ArgumentError(
-                f"{self.about}: explicit; only implicit methods use the eigenvectors of A",
-                id="method-not-supported",
-            )
+            text = f"{self.about}: explicit; only implicit methods use the eigenvectors of A"
+            raise ArgumentError(text, id="method-not-supported")
         exact, b, _ = self.exact
         A = float64(exact)
         λ, T = np.linalg.eig(A)
         if not np.linalg.cond(T) < 1e7:  # Newton corrections are multiplied by T, and 9 digits must remain
-            raise SceneError(
-                "A: too few eigenvectors, for example because of repeated diagonal elements; use another method",
-                id="method-coefficients",
-            )
+            text = "A: too few eigenvectors, for example because of repeated diagonal elements; use another method"
+            raise SceneError(text, id="method-coefficients")
         wrong = λ[(λ.real < 0) | ((λ.real == 0) & (λ.imag != 0))]
         if wrong.size:
             first = wrong[0] if wrong[0].imag else wrong[0].real  # NumPy 2.5 returns real values as complex
-            raise SceneError(
-                f"A: eigenvalue {first:.3g}: its real part must be positive, or some steps are singular",
-                id="method-coefficients",
-            )
+            text = f"A: eigenvalue {first:.3g}: its real part must be positive, or some steps are singular"
+            raise SceneError(text, id="method-coefficients")
         Tinv = np.linalg.inv(T)
         real, pair = λ.imag == 0, λ.imag > 0
         columns = list(zip(*exact, strict=True))
@@ -192,10 +186,8 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
         At 0, the polynomial through values f_i at the nodes is Σ_i ℓ_i(0) f_i, hence d_i = −γ ℓ_i(0).
         """
         if self.explicit or not self.controlled:
-            raise ArgumentError(
-                f"{self.about}: has no implicit error estimate; Radau IIA with 3, 5, … stages has one",
-                id="method-without-error",
-            )
+            text = f"{self.about}: has no implicit error estimate; Radau IIA with 3, 5, … stages has one"
+            raise ArgumentError(text, id="method-without-error")
         γ = float(self.modes.real[0])
         return γ, -γ * float64(coefficients.weights_at(self.exact[2], Fraction(0)))
 
@@ -234,10 +226,8 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
             raise self._refused("b", "must sum to 1", "method-coefficients")
         for i, row in enumerate(A):
             if abs(sum(row, Fraction(0)) - c[i]) > CLOSE:
-                raise SceneError(
-                    f"A[{i}] = {truncated(self.A[i])}: must sum to c[{i}] = {truncated(self.c[i])}",
-                    id="method-coefficients",
-                )
+                text = f"A[{i}] = {truncated(self.A[i])}: must sum to c[{i}] = {truncated(self.c[i])}"
+                raise SceneError(text, id="method-coefficients")
         A_, b_, c_ = self.arrays
         chained = np.ones(stages)  # A^(k−1) 1
         for k in range(1, self.order + 1):  # necessary for y' = f(t) and y' = λ y, so that a false order is noticed
@@ -252,28 +242,21 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
             )
         for i, row in enumerate(self.error_rows):
             if len(row) not in {self.stages, self.stages + 1}:
-                raise SceneError(
-                    f"error[{i}] has {len(row)} weights: expected {self.stages}, one per stage, or one more for q̈ at "
-                    "the end of the step",
-                    id="method-error-weights",
-                )
+                text = f"expected {self.stages}, one per stage, or one more for q̈ at the end of the step"
+                raise SceneError(f"error[{i}] has {len(row)} weights: {text}", id="method-error-weights")
             _check_differences(f"error[{i}]", row)
 
     def _check_dense(self) -> None:
         if self.dense_rows and not self.explicit:
-            raise SceneError(
-                "dense: only explicit methods take these weights; leave dense out",
-                id="method-dense-output",
-            )
+            text = "dense: only explicit methods take these weights; leave dense out"
+            raise SceneError(text, id="method-dense-output")
         if self.dense_stages and not self.dense_rows:
             raise SceneError("dense_stages: has no effect without dense; also give dense", id="method-dense-output")
         before = self.stages + 1  # including the derivative at the end of the step
         for i, row in enumerate(self.dense_stages):
             if len(row) != before + i:
-                raise SceneError(
-                    f"dense_stages[{i}] has {len(row)} numbers: expected {before + i}, one per earlier stage",
-                    id="method-dense-output",
-                )
+                text = f"dense_stages[{i}] has {len(row)} numbers: expected {before + i}, one per earlier stage"
+                raise SceneError(text, id="method-dense-output")
             for x in row:
                 _check_number(f"dense_stages[{i}]", x)
         for i, row in enumerate(self.dense_rows):
@@ -302,7 +285,5 @@ def _check_differences(name: str, row: tuple[str, ...]) -> None:
 def _check_number(where: str, x: str) -> None:
     # limit the exponent: a Fraction of "1e999999999" would exhaust the memory
     if not re.fullmatch(r"[+-]?\d+(/0*[1-9]\d*|(\.\d*)?([eE][+-]?\d{1,2})?)", x):
-        raise SceneError(
-            f"{where}: {truncated(x)}: expected a decimal such as '1e-12', or a fraction such as '1/6'",
-            id="method-coefficients",
-        )
+        text = f"{where}: {truncated(x)}: expected a decimal such as '1e-12', or a fraction such as '1/6'"
+        raise SceneError(text, id="method-coefficients")
