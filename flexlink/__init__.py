@@ -4,7 +4,7 @@ import importlib
 import importlib.util
 from typing import TYPE_CHECKING
 
-import flexlink.common.entry  # noqa: F401  must come first
+import flexlink.common.interruption  # noqa: F401  must come first: responds to signals from then on
 
 # isort: split
 

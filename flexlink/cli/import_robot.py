@@ -13,8 +13,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from flexlink.cli.json_output import with_ids
-from flexlink.cli.shared import assignments, prefix_errors, print_hints, print_lines, require_scene_file, varied
+from flexlink.cli.shared import (
+    assignments,
+    prefix_errors,
+    print_hints,
+    print_lines,
+    require_scene_file,
+    varied,
+    with_ids,
+)
 from flexlink.common.errors import ArgumentError
 from flexlink.common.output import write_text
 from flexlink.data.documents import shown_path

@@ -20,9 +20,8 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import SPRINGS, Kind
 from flexlink.chain.lumping import lump
-from flexlink.cli.json_output import with_ids
 from flexlink.cli.modes import as_document, elastic_hertz, first_elastic, print_modes
-from flexlink.cli.shared import prefix_errors, print_notes, varied_scene
+from flexlink.cli.shared import prefix_errors, print_notes, varied_scene, with_ids
 from flexlink.common.types import Complex
 from flexlink.common.wording import plural, short_list
 from flexlink.describe import data_files

@@ -90,7 +90,7 @@ def _run_command(options: argparse.Namespace) -> int:
     """Run the command; with `--json`, print one document: its own, and the lines that it would print beside it."""
     if not options.json:
         return int(options.module.run_command(options))
-    from flexlink.cli.json_output import print_json  # noqa: PLC0415  loads NumPy, not needed for help
+    from flexlink.cli.shared import print_json  # noqa: PLC0415  loads NumPy, not needed for help
 
     options.document, lines = {}, io.StringIO()
     with contextlib.redirect_stdout(lines):

@@ -1,4 +1,4 @@
-"""Functions that commands share: scenes with `--set`, errors that name their file, outputs and plots."""
+"""Functions that commands share: scenes with `--set`, errors that name their file, outputs, plots and JSON."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
 
 from flexlink.common.errors import ArgumentError, Diagnostic, FlexlinkError
 from flexlink.common.output import check_writable, write_or_keep
@@ -127,3 +130,24 @@ def require_picture(path: Path | None) -> None:
         picture_format(path)
         require_writable(path)
         plotting()
+
+
+def print_json(document: object) -> None:
+    """Print a document in SI units, with null for numbers that are not finite and [re, im] for complex numbers."""
+    print(msgspec.json.format(msgspec.json.encode(document, enc_hook=_plain), indent=1).decode())
+
+
+def with_ids(texts: tuple[str, ...]) -> list[dict[str, str]]:
+    """Diagnostics as objects with id and text."""
+    return [{"id": text.id if isinstance(text, Diagnostic) else "", "text": str(text)} for text in texts]
+
+
+def _plain(value: object) -> object:
+    """Convert types unknown to msgspec: arrays, NumPy numbers, complex numbers, texts with an id."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Diagnostic):
+        return str(value)
+    if isinstance(value, complex):
+        return value.real, value.imag
+    raise NotImplementedError(type(value).__name__)

@@ -16,7 +16,6 @@ from pathlib import Path
 
 import numpy as np
 
-from flexlink.cli.json_output import with_ids
 from flexlink.cli.shared import (
     prefix_errors,
     print_lines,
@@ -26,6 +25,7 @@ from flexlink.cli.shared import (
     require_writable,
     save_plot,
     varied_scene,
+    with_ids,
 )
 from flexlink.common.interruption import deferred, finish
 from flexlink.common.output import write_or_keep
