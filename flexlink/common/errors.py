@@ -224,17 +224,9 @@ class InterruptedSweepError(KeyboardInterrupt):
 
 
 def how_to_install(what: str) -> str:
-    """Return the commands that install an extra of flexlink, or packages that have one name everywhere.
+    """Commands that install an extra of flexlink, or packages, separated by blanks, that have one name everywhere.
 
-    Parameters
-    ----------
-    what
-        An extra of pyproject.toml, or names of packages separated by blanks.
-
-    Returns
-    -------
-    str
-        The end of a message: the command for pip, then, if conda-forge has these packages, the one for conda.
+    The one for conda is left out if conda-forge lacks these packages.
     """
     by_conda = {
         "completion": "shtab", "control": "control", "dask": "distributed", "engines": "pinocchio mujoco",

@@ -23,13 +23,7 @@ LAST = 3  # the third signal of one kind quits at once
 
 
 class Stop:
-    """Whether the process was asked to stop, and the first signal that did so.
-
-    Attributes
-    ----------
-    signal
-        Number of the signal, or None.
-    """
+    """Whether the process was asked to stop, and the number of the first `signal` that did so, or None."""
 
     def __init__(self) -> None:
         self.signal: int | None = None

@@ -19,22 +19,11 @@ DEEPEST = 1000  # levels of nested elements; MuJoCo reads 500
 
 
 def parse(text: str | bytes, what: str, *, namespaces: bool = True) -> ET.Element:
-    """Return the root of an XML document.
+    """Return the root of an XML document called `what`, without comments and processing instructions.
 
-    Parameters
-    ----------
-    text
-        The document; bytes contain a declaration of their encoding (default UTF-8).
-    what
-        Name of the document, such as its path, for messages.
-    namespaces
-        Whether `p:name` is read as `{namespace of p}name`. If not, names stay as written, prefixes need no declaration,
-        and white space before the declaration of XML is skipped, as robot files of other programs need.
-
-    Returns
-    -------
-    Element
-        The root, without comments and processing instructions.
+    Bytes contain a declaration of their encoding (default UTF-8). With `namespaces`, `p:name` is read as `{namespace of
+    p}name`. If not, names stay as written, prefixes need no declaration, and white space before the declaration of XML
+    is skipped, as robot files of other programs need.
     """
     try:
         data = text if isinstance(text, bytes) else text.encode()

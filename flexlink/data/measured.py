@@ -22,17 +22,7 @@ class Measured(NamedTuple):
 
 
 def read_measured(path: Path, known: Mapping[str, object], only: Sequence[str] = ()) -> Measured:
-    """Read a CSV whose headers are "t [s]" and column names of a trajectory.
-
-    Parameters
-    ----------
-    path
-        The file.
-    known
-        Allowed columns, by their names in `Trajectory.columns`.
-    only
-        Headers of the columns to read; other columns are ignored. Default: all columns.
-    """
+    """Read a CSV whose headers are "t [s]" and `known` column names of a trajectory; or only some of its columns."""
     _, heads, values = read_csv(path)
     return measured_from(str(path), heads, values, known, only)
 

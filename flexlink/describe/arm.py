@@ -249,17 +249,7 @@ class Arm(Spec, frozen=True):
 
 
 def link_number(argument: str, value: object, names: Sequence[str]) -> int:
-    """Number, from 1, of the link given by its name or number.
-
-    Parameters
-    ----------
-    argument
-        Name of the argument, for the message.
-    value
-        A link's name, or its number from 1 to len(names).
-    names
-        Names of the links, from the base outward.
-    """
+    """Number, from 1, of the link given by its name or number; `argument` names it in the message."""
     wanted = to_builtin(value)
     if isinstance(wanted, str) and wanted in names:
         return names.index(wanted) + 1

@@ -23,18 +23,9 @@ def names(folder: str) -> tuple[str, ...]:
 
 
 def load(folder: str, key: str, name: str, kind: type[T]) -> T:
-    """Load a description of a `Spec` type by name, or from the user's file if `name` ends in ".toml".
+    """Load a description of a type by the name in a folder of `data`, or from the user's file if it ends in ".toml".
 
-    Parameters
-    ----------
-    folder
-        "methods" or "lumping".
-    key
-        Key of the scene whose value is `name`, for messages.
-    name
-        Name of a built-in description, or a path.
-    kind
-        Type to decode.
+    Messages name the `key` of the scene whose value is the name.
     """
     if not isinstance(name, str) or not (is_user_file(name) or _is_ours(folder, name)):
         known = names(folder)

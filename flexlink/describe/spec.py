@@ -160,18 +160,9 @@ def _scalar(value: np.generic) -> object:
 
 
 def decode(raw: object, kind: type[T] | Any, path: str = "", *, finite: bool = False) -> T:
-    """Convert parsed TOML into a `Spec`; errors name the key path, the value and what is allowed.
+    """Convert parsed TOML at a key path into a type; errors name the path, the value and what is allowed.
 
-    Parameters
-    ----------
-    raw
-        Parsed TOML of this part of the file.
-    kind
-        Type to build.
-    path
-        Key path of `raw` in its file, for messages.
-    finite
-        Whether `raw` is from a file and all its numbers are known to be finite.
+    `finite`: all numbers are known to be finite, and from a file.
     """
     try:
         if not finite:
@@ -259,19 +250,8 @@ def _fits(value: object, kind: Any) -> bool:
 def path_to(keys: Iterable[Any], value: Any, kind: Any, path: str = "") -> str:
     """Path of an item, as in `Scene.varied` and `--set`.
 
-    Items of links, motions and lists of one number per link are given by the link's name, or its number from 1; items
-    of other lists by an index from 0 in brackets.
-
-    Parameters
-    ----------
-    keys
-        Keys and indices that lead from `value` to the item.
-    value
-        The value at `path`.
-    kind
-        Type annotation of `value`.
-    path
-        Path of `value`.
+    Keys and indices lead from `value`, of a kind, at `path` to the item. Items of links, motions and lists of one
+    number per link are given by the link's name, or its number from 1; items of other lists by an index in brackets.
     """
     for key in keys:
         if not isinstance(value, list | tuple):

@@ -32,17 +32,9 @@ def apply_changes(document: dict[str, Any], kinds: Mapping[str, Any], changes: M
     """Insert values into a parsed document, in any order; the result must still be checked.
 
     First the values that decide which links a `*` selects, then tables before their parts, and `*` before names. A link
-    that becomes rigid loses what only bending needs.
-
-    Parameters
-    ----------
-    document
-        A complete scene from `to_document`, with the arm's keys at the top level. Tables and lists that change are
-        replaced by copies, so the originals are unchanged.
-    kinds
-        Type annotation of each top-level key.
-    changes
-        Values by path; None removes the key, which restores its default.
+    that becomes rigid loses what only bending needs. The document is a complete scene from `to_document`, with the
+    arm's keys at the top level, whose types are `kinds`; tables and lists that change are replaced by copies. None
+    removes a key, which restores its default.
     """
     if not isinstance(changes, Mapping):
         raise ArgumentError(

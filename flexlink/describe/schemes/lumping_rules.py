@@ -154,14 +154,8 @@ class LumpingRule(Spec, frozen=True):
         In the integral equation λ GJ κ(x) = ∫ P(max(x, y)) κ(y) dy, P(x) = ∫_x^1 p dξ, this subtracts the kink of the
         kernel at y = x, ∫ P κ dy = κ(x) ∫ P dy + ∫ P (κ(y) − κ(x)) dy (Kantorovich & Krylov 1958), which raises
         Nyström's method from order 2, the limit of every rule here, to order 4, with or without taper. The rule must be
-        exact for quadratics, which excludes the midpoint rule.
-
-        Parameters
-        ----------
-        weights
-            Weights of the hinges, shape (N,).
-        inertias, moments
-            ∫ p dξ and ∫ ξ p dξ from each hinge to the next, or from the last to the end [kg m²], shape (N,).
+        exact for quadratics, which excludes the midpoint rule. `inertias` and `moments`, ∫ p dξ and ∫ ξ p dξ, are from
+        each hinge to the next, or from the last to the end [kg m²], shape (N,) as `weights`.
         """
         return matched_inertias(weights, inertias, moments) if self.matched_twist else np.zeros(len(weights))
 
