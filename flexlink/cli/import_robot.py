@@ -100,6 +100,7 @@ def _positions(robot: Robot, option: str, texts: Sequence[str]) -> dict[str, flo
             raise ArgumentError(
                 f"{option} {name}={value}: expected a finite number [deg; m for a slide]", id="option-value"
             )
-        slides = name in robot.joints and robot.joints[name].kind == "prismatic"
-        positions[name] = number if slides else math.radians(number)
+        joint = robot.joints.get(name)
+        in_metres = joint is not None and joint.moves and not joint.turns
+        positions[name] = number if in_metres else math.radians(number)
     return positions

@@ -91,12 +91,11 @@ def rates_of(chain: Chain, texts: Iterable[str]) -> dict[str, float]:
         if not found:
             why = f"--rate {text}: expected NAME=RATE with a unit, such as hub=500rpm; {', '.join(units)}"
             raise ArgumentError(why, id="option-value")
-        slides = bool(chain.slides[steady_joint(chain, name)])
-        if slides != (found[2] == "m/s"):
-            allowed = "m/s" if slides else "rpm, deg/s, rad/s"
-            raise ArgumentError(
-                f"--rate {text}: {name} {'slides' if slides else 'turns'}; allowed are {allowed}", id="option-value"
-            )
+        of_joint = chain.joint_kinds[steady_joint(chain, name)]
+        allowed = [unit for unit in units if (unit == "m/s") == (of_joint.si == "m")]
+        if found[2] not in allowed:
+            wanted = f"{name} {of_joint.moves}; allowed are {', '.join(allowed)}"
+            raise ArgumentError(f"--rate {text}: {wanted}", id="option-value")
         rates[name] = float(found[1]) * units[found[2]]
     return rates
 

@@ -50,7 +50,7 @@ def _hinges_of(link: Link) -> tuple[Array, Array]:
             "use a rule without a hinge at the root, such as 'gauss' or 'gregory'",
             id="hinge-without-inertia",
         )
-    if nodes[0] == 0 and not _stands_alone(link):
+    if nodes[0] == 0 and not link.joint.backs(link.hub):
         raise SceneError(f"lumping = {link.lumping!r}: puts a hinge on {_bare(link)}", id="hinge-without-inertia")
     if nodes[-1] == 1:
         text = f"lumping = {link.lumping!r}: puts a hinge at the link's end, with no inertia beyond it"
@@ -64,7 +64,7 @@ def _check_root(link: Link) -> None:
         return
     axis, lever = link.joint.direction, link.beam.start
     sprung = np.array([name in link.root_springs for name in ROOT_AXES])
-    if axis[~sprung].any() or np.cross(axis, lever).any() or _stands_alone(link):
+    if axis[~sprung].any() or np.cross(axis, lever).any() or link.joint.backs(link.hub):
         return
     raise SceneError(
         f"root_stiffness: turns about the axis {truncated(link.joint.axis)} of {_bare(link)}", id="root-stiffness-axis"
@@ -80,15 +80,6 @@ def _bare(link: Link) -> str:
             "about the joint's axis, or leave gear_stiffness out"
         )
     return f"the free joint, {between}; lock the joint, or give it an armature or a hub"
-
-
-def _stands_alone(link: Link) -> bool:
-    """Whether a hinge at the beam's root has a fixed support or inertia on its other side; also if the joint slides."""
-    joint = link.joint
-    if joint.slides and not joint.locked:
-        return True
-    supported = joint.gear_stiffness is None and bool(joint.locked or joint.armature)
-    return supported or link.hub.about(joint.direction) > 0
 
 
 def _hinges(rule: LumpingRule, link: Link) -> tuple[Array, Array]:

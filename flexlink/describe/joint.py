@@ -14,6 +14,7 @@ from flexlink.common.wording import both_given, truncated
 from flexlink.describe.directions import unit
 from flexlink.describe.joint_units import OF_JOINT, in_joint_units
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
+from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.shaping import MOST_IMPULSES
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, measured_in
 
@@ -110,6 +111,13 @@ class Joint(Spec, frozen=True):
     def limits(self) -> tuple[float, float] | None:
         """The joint's limits [deg]; for a prismatic joint [m]."""
         return self.limits_m if self.slides else self.limits_deg
+
+    def backs(self, hub: RigidBody) -> bool:
+        """Whether a hinge at the beam's root has a fixed support or inertia on its other side, or the joint slides."""
+        if self.slides and not self.locked:
+            return True
+        supported = self.gear_stiffness is None and bool(self.locked or self.armature)
+        return supported or hub.about(self.direction) > 0
 
     def position(self, deg: float, m: float) -> float:
         """The joint's coordinate [rad], or [m] if it slides, from its link's entries in the lists in deg and m."""

@@ -28,6 +28,11 @@ IN_METRES = {
 TWINS = IN_METRES | {m: deg for deg, m in IN_METRES.items()}
 
 
+def fits_joint(key: str, kind: str | None) -> bool:
+    """Whether a list has numbers of joints of a kind; without a kind, they are revolute."""
+    return key not in TWINS or (kind == "prismatic") != (key in IN_METRES)
+
+
 def together(slides: Slides, deg: Row | None, m: Row | None) -> Row:
     """Merge two lists into one number per link, [deg] for revolute and [m] for prismatic joints; default zero.
 
@@ -81,7 +86,7 @@ def in_words(slides: bool, si: float, form: str = ".6g") -> str:
 
 
 class KindOfJoint(NamedTuple):
-    """Names of a kind of joint, of its coordinate and drive, and of their units, in scenes and in SI."""
+    """Names of a kind of joint, of its coordinate and drive, of their units, in scenes and in SI, and what it does."""
 
     name: str
     unit: str
@@ -89,10 +94,11 @@ class KindOfJoint(NamedTuple):
     torque: str
     place: str
     load: str
+    moves: str
 
 
 OF_JOINT = {
-    False: KindOfJoint("revolute", "deg", "rad", "N m", "angle", "torque"),
-    True: KindOfJoint("prismatic", "m", "m", "N", "position", "force"),
+    False: KindOfJoint("revolute", "deg", "rad", "N m", "angle", "torque", "turns"),
+    True: KindOfJoint("prismatic", "m", "m", "N", "position", "force", "slides"),
 }
 """Kinds of joints, by whether they slide."""

@@ -143,8 +143,8 @@ class Damping(Spec, frozen=True):
     constant: dampers between all hinges of the links with this law, including root and gear, give every mode the same
     ratio. The ratio is exact in the configuration `initial.joint_deg` and `joint_m` with the joints held, if all
     flexible links have this law; in other configurations it is approximate. A complete state `initial.q`, as in a
-    continued run, does not change the dampers. This law is not available if a branch or a prismatic joint lies between
-    the links with this law.
+    continued run, does not change the dampers. This law needs links in a row whose joints turn, from the first to the
+    last link with this law.
 
     Examples
     --------

@@ -27,8 +27,8 @@ class Rigidity(Spec, frozen=True):
     """Rigidities and mass of a beam as a table along it, instead of a material and a section.
 
     Columns are linear between rows and jump where two rows have the same x. Hinge springs have the exact compliance
-    ∫ dx/EI of their part of the beam; segments have its exact mass, centre and inertia. In cells of coupled springs,
-    masses are lumped at the cell's points, which leaves a second-order error where ρA jumps.
+    ∫ dx/EI of their part of the beam; segments have its exact mass, centre and inertia. By rules with cells, masses are
+    lumped at the cell's points, which leaves a second-order error where ρA jumps.
     A link with flex = "z" needs `ei_z`; "yz" also needs `ei_y`; "xyz" also needs `gj` and inertia about its x.
 
     Examples

@@ -443,7 +443,7 @@ def _bare_and_rigid(scene: Scene) -> Scene:
     free = [
         position for position, link in zip(scene.joint_positions.tolist(), links, strict=True) if not link.joint.locked
     ]
-    # coordinates of a free base, which come first in a chain
+    # coordinates of a base that floats, which come first in a chain
     of_base = (given.q or ())[: 6 if scene.arm.base.free else 0]
     q = None if given.q is None else (*of_base, *free)  # a complete state may exceed the limits
     kept = {name: getattr(scene, name) for name in ("name", "about", "gravity", "air_density", "run")}

@@ -34,7 +34,7 @@ KINDS: dict[str, tuple[tuple[str, ...], tuple[str, ...], str]] = {
 }
 """Required keys, optional keys, and unit of the signal of each kind; "" if the unit depends on the joint."""
 ON_A_BASE = ("accelerometer", "gyroscope", "position")
-"""Kinds that may be attached to a free base."""
+"""Kinds that may be attached to a base that floats."""
 OF_THE_DRIVE = ("joint", "torque", "current")
 """Kinds that are attached to a link's joint."""
 
@@ -49,7 +49,7 @@ class Sensor(Spec, frozen=True):
     position: position of such a point in frame 0. All three measure along `axis`, or else in three columns, "NAME x
     [m]" and so on.
     joint: angle or position of the link's joint; with an elastic gear, of the motor.  torque: T_EX of its drive, or the
-    torque required by its prescribed motion.  current: T_EX / `torque_constant`.
+    torque required by its motion, if that is given.  current: T_EX / `torque_constant`.
 
     The signal u is processed in this order: u(t − delay), `filter` or `low_pass`, times `gain`, plus `bias` and its
     random walk, sampling at times k / `rate` with hold, added noise, rounding to multiples of `resolution`.

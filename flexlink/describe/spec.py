@@ -30,7 +30,7 @@ ONE_PER_LINK = msgspec.Meta(extra={"one per": "link"})
 
 
 def measured_in(*units: str) -> msgspec.Meta:
-    """Metadata with the unit of a number; for a joint's number two units, for revolute and for prismatic joints."""
+    """Metadata with the unit of a number; for a joint's number two units, if it is an angle and if it is a length."""
     return msgspec.Meta(extra={"units": units})
 
 

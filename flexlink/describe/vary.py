@@ -20,7 +20,7 @@ from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.memo import keep_last
 from flexlink.common.wording import did_you_mean, truncated
 from flexlink.describe.expected import why_not
-from flexlink.describe.joint_units import IN_METRES, TWINS
+from flexlink.describe.joint_units import fits_joint
 from flexlink.describe.link import RIGID
 from flexlink.describe.spec import Spec, Vector3, bare_type, fields_of, is_per_link, to_builtin, type_below
 
@@ -240,8 +240,8 @@ class _Change:
         if above != "link":
             where, _, key = above.rpartition(".")
             every = [True] * len(free) if where == "initial" and key in {"joint_deg", "joint_m"} else free
-            slides = [get_in(link, "joint", "kind") == "prismatic" for link in self.links]
-            return [e and (key not in TWINS or s != (key in IN_METRES)) for e, s in zip(every, slides, strict=True)]
+            kinds = [get_in(link, "joint", "kind") for link in self.links]
+            return [each and fits_joint(key, kind) for each, kind in zip(every, kinds, strict=True)]
         if below and below[0] in {"flex", "segments", "lumping", "modes", "shear", "stretch", "damping", "friction"}:
             return [(get_in(link, "flex") or "rigid") != "rigid" for link in self.links]
         if below and below[0] in {"material", "section", "section_tip", "up"}:

@@ -80,7 +80,7 @@ class LumpingRule(Spec, frozen=True):
 
     `alternate_axes` reverses the axis order of every second hinge to Z, Y, X. With angles θ = φ + O(φ²) of Rx Ry Rz,
     the springs' energy differs from that of the rotation vector φ by ½ (k_x − k_y + k_z) θ_x θ_y θ_z, which accumulates
-    to a first-order error in bend-bend-twist coupling; with the reversed order the error has the opposite sign. A
+    to a first-order error of twist by bending about two axes; with the reversed order it has the opposite sign. A
     second-order error remains wherever a link bends far out of a plane.
 
     With `springs` = "rotation", the springs of a hinge act on φ itself. The springs of a cell of two hinges act on the
@@ -100,7 +100,7 @@ class LumpingRule(Spec, frozen=True):
     jacobi: Jacobi | None = None
     """Gauss-Jacobi hinges over the complete link."""
     cells: Cells | None = None
-    """Cells of hinges with coupled springs."""
+    """Cells of hinges whose springs act together."""
     matched_twist: bool = False
     """Whether twist hinges get the rotor inertia with which twist converges with order 4."""
     alternate_axes: bool = False
