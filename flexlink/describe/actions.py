@@ -9,12 +9,10 @@ import numpy as np
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import both_given, missing, truncated
-from flexlink.describe.joint_units import TWINS, Row
+from flexlink.describe.joint_units import IN_METRES_OF_MOTION, OF_JOINT, OF_MOTION, TWINS, KindOfJoint, Row
 from flexlink.describe.numbers import check_table, require_increasing
-from flexlink.describe.reference import OF_MOTION
 from flexlink.describe.spec import Positive, Spec, Vector3, measured_in
 
-IN_METRES_OF_MOTION = "position_m", "rate_m", "acceleration_m"
 Frame = Literal["world", "tip"]
 """Frame in which a tip wrench is given: frame 0 (world), or the tip frame, which turns with the tip."""
 
@@ -98,9 +96,14 @@ class PrescribedMotion(Spec, frozen=True):
         return self.angle_deg is None and any(getattr(self, name) is not None for name in IN_METRES_OF_MOTION)
 
     @property
+    def terms(self) -> KindOfJoint:
+        """Names of the joint's coordinate, drive and units."""
+        return OF_JOINT[self.slides]
+
+    @property
     def keys(self) -> tuple[str, str, str]:
         """Keys of position, rate and acceleration."""
-        return IN_METRES_OF_MOTION if self.slides else OF_MOTION
+        return self.terms.motion
 
     @property
     def columns(self) -> tuple[Row, Row, Row]:

@@ -8,7 +8,9 @@ from typing import Annotated, Literal
 import msgspec
 
 from flexlink.common.errors import ArgumentError, Diagnostic, SceneError
+from flexlink.common.types import Array
 from flexlink.common.wording import did_you_mean, short_list, truncated
+from flexlink.describe.joint_units import Row, in_si, together
 from flexlink.describe.link import Link
 from flexlink.describe.material import BREADTHS, Material, Section
 from flexlink.describe.rigid_body import RigidBody
@@ -203,6 +205,14 @@ class Arm(Spec, frozen=True):
     def slides(self) -> tuple[bool, ...]:
         """Whether each link's joint is prismatic."""
         return tuple(link.joint.slides for link in self.links)
+
+    def own(self, deg: Row | None, m: Row | None) -> Row:
+        """Lists in both units as one number per link, in its joint's own unit, deg or m; zero if not given."""
+        return together(self.slides, deg, m)
+
+    def in_si(self, own: Row) -> Array:
+        """Numbers in the joints' own units, converted to rad or m."""
+        return in_si(self.slides, own)
 
     @property
     def tips(self) -> tuple[int, ...]:

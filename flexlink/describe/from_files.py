@@ -19,9 +19,9 @@ from flexlink.describe.actions import PrescribedMotion, Wrench
 from flexlink.describe.arm import Arm
 from flexlink.describe.drive import Drive
 from flexlink.describe.initial import InitialState
-from flexlink.describe.joint_units import IN_METRES, OF_JOINT, Row
+from flexlink.describe.joint_units import Row
 from flexlink.describe.link import Link
-from flexlink.describe.reference import OF_MOTION, Reference
+from flexlink.describe.reference import Reference
 from flexlink.describe.spec import Spec
 
 RATES = {"qd": "/s", "qdd": "/s²"}
@@ -44,7 +44,8 @@ def filled_from_files(
     if drive.file is not None:
         drive = filled["drive"] = drive_from_file(drive, arm, moved)
     if drive.reference is not None and drive.reference.file is not None:
-        reference = reference_from_file(drive.reference, arm, moved, initial.own("joint", arm.slides))
+        starts = arm.own(initial.joint_deg, initial.joint_m)
+        reference = reference_from_file(drive.reference, arm, moved, starts)
         filled["drive"] = replace(drive, reference=reference)
     if wrench.file is not None:
         filled["wrench"] = wrench_from_file(wrench)
@@ -62,10 +63,10 @@ def _number(arm: Arm, motion: PrescribedMotion) -> int:
 def _started_with(initial: InitialState, arm: Arm, number: int, motion: PrescribedMotion) -> InitialState:
     """Start a joint at the first angle and rate of its motion; a given angle must be near the first one."""
     # largest allowed difference between the given initial value and the file's first one, angle [deg] or position [m]
-    near = {"joint": 0.01 if motion.slides else 1.0, "rate": 0.0}
+    near = {"joint": {"deg": 1.0, "m": 0.01}[motion.terms.unit], "rate": 0.0}
     changes = {}
     for (name, allowed), column in zip(near.items(), motion.columns, strict=False):
-        key = f"{name}_{OF_JOINT[motion.slides].unit}"
+        key = f"{name}_{motion.terms.unit}"
         row, first = list(getattr(initial, key) or (0.0,) * len(arm.links)), column[0]
         if len(row) != len(arm.links) or initial.q is not None or initial.time:
             return initial
@@ -89,7 +90,7 @@ def without_starts(initial: InitialState, arm: Arm, led: tuple[PrescribedMotion,
     rows: dict[str, list[float]] = {}
     for motion in (each for each in led if {each.link, _number(arm, each)} & files):
         for name, column in zip(("joint", "rate"), motion.columns, strict=False):
-            key, k = f"{name}_{OF_JOINT[motion.slides].unit}", _number(arm, motion) - 1
+            key, k = f"{name}_{motion.terms.unit}", _number(arm, motion) - 1
             row = rows.get(key) or list(getattr(initial, key) or ())
             if k < len(row) and row[k] == column[0]:
                 row[k] = 0.0
@@ -111,7 +112,7 @@ def _torques(table: CsvTable, link: Link, moved: bool) -> Array:
     quantity = f"tau {link.joint_name}"
     if link.joint.locked or (moved and quantity not in table.quantities):
         return np.zeros(len(table.values))
-    return table.column(quantity, OF_JOINT[link.joint.slides].torque)
+    return table.column(quantity, link.joint.terms.torque)
 
 
 def reference_from_file(reference: Reference, arm: Arm, moved: set[int], starts: Sequence[float]) -> Reference:
@@ -129,19 +130,19 @@ def reference_from_file(reference: Reference, arm: Arm, moved: set[int], starts:
         smooth = rates if reference.profile == "smooth" else ()
         columns = {k: _angles(table, link, reference.cutoff, smooth) for k, link in led.items()}
         rows: dict[str, tuple[Row, ...]] = {}
-        for part, key in zip(range(max(map(len, columns.values()), default=1)), OF_MOTION, strict=False):
-            for slides in {link.joint.slides for link in free.values()}:
+        for part in range(max(map(len, columns.values()), default=1)):
+            for terms in {link.joint.terms for link in free.values()}:
                 values = np.zeros((len(table.values), len(links)))
                 for k, link in free.items():
-                    if link.joint.slides == slides:
+                    if link.joint.terms == terms:
                         values[:, k] = columns[k][part] if k in columns else starts[k] * (part == 0)
-                rows[IN_METRES[key] if slides else key] = _rows(values)
+                rows[terms.motion[part]] = _rows(values)
         return replace(reference, file=None, cutoff=None, times=_row(table.times), **rows)
 
 
 def _angles(table: CsvTable, link: Link, cutoff: float | str | None, rates: Collection[str]) -> list[Array]:
     """Positions of a joint, then filtered rates and accelerations if there is a cutoff, else the columns `rates`."""
-    unit = OF_JOINT[link.joint.slides].unit
+    unit = link.joint.terms.unit
     positions = table.column(f"q {link.joint_name}", unit)
     if cutoff is not None:
         return [*smoothed(table.times, positions, cutoff)]
@@ -173,15 +174,10 @@ def wrench_from_file(wrench: Wrench) -> Wrench:
         return replace(wrench, file=None, times=_row(table.times), **rows)
 
 
-def keys_of_motion(link: Link) -> tuple[str, ...]:
-    """Keys of position, rate and acceleration of a prescribed motion of a link's joint."""
-    return tuple(IN_METRES[key] for key in OF_MOTION) if link.joint.slides else tuple(OF_MOTION)
-
-
 def recorded_positions(motion: PrescribedMotion, link: Link) -> tuple[Array, Array]:
     """Times [s] and positions [deg or m] in the file of a motion, not filtered."""
     table = read_csv(Path(motion.file or ""))
-    return table.times, table.column(f"q {link.joint_name}", OF_JOINT[link.joint.slides].unit)
+    return table.times, table.column(f"q {link.joint_name}", link.joint.terms.unit)
 
 
 def motion_from_file(motion: PrescribedMotion, link: Link) -> PrescribedMotion:
@@ -203,7 +199,7 @@ def motion_from_file(motion: PrescribedMotion, link: Link) -> PrescribedMotion:
                     lacks = f"{table.path} has no column '{name} {link.joint_name}'. Give a cutoff [Hz], or 'auto', to"
                     raise missing("cutoff", f"{lacks} compute rates and accelerations, or a file that contains them")
             columns = _angles(table, link, None, RATES)
-        rows: dict[str, Any] = dict(zip(keys_of_motion(link), map(_row, columns), strict=True))
+        rows: dict[str, Any] = dict(zip(link.joint.terms.motion, map(_row, columns), strict=True))
         return replace(motion, file=None, cutoff=None, times=_row(times), **rows)
 
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from flexlink.common.types import Array
 from flexlink.common.wording import both_given
-from flexlink.describe.joint_units import Row, Slides, together
 from flexlink.describe.spec import NonNegative, PerLink, Spec, Vector3, measured_in
 
 
@@ -96,10 +95,6 @@ class InitialState(Spec, frozen=True):
         for name in ("rate_deg", "rate_m"):
             if self.qd is not None and getattr(self, name) is not None:
                 raise both_given("qd", self.qd, name)
-
-    def own(self, name: str, slides: Slides) -> Row:
-        """Initial position ("joint") or rate ("rate") of each link's joint, in deg or m (per s); zero if not given."""
-        return together(slides, getattr(self, f"{name}_deg") or None, getattr(self, f"{name}_m"))
 
     @property
     def positions_m(self) -> tuple[float, ...]:

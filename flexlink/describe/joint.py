@@ -12,7 +12,7 @@ from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import both_given, truncated
 from flexlink.describe.directions import unit
-from flexlink.describe.joint_units import OF_JOINT, in_joint_units
+from flexlink.describe.joint_units import OF_JOINT, KindOfJoint, in_joint_units
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.shaping import MOST_IMPULSES
@@ -96,6 +96,11 @@ class Joint(Spec, frozen=True):
     def slides(self) -> bool:
         """Whether the joint is prismatic."""
         return self.kind == "prismatic"
+
+    @property
+    def terms(self) -> KindOfJoint:
+        """Names of the joint's coordinate, drive and units."""
+        return OF_JOINT[self.slides]
 
     @property
     def lags(self) -> bool:
@@ -211,6 +216,6 @@ def refuse_beyond(course: ReferenceTrajectory, joints: Sequence[tuple[str, Joint
         low, high = joint.limits or (-math.inf, math.inf)
         for position in extremes:
             if max(low - position, position - high) > rounding * np.abs(extremes).max():
-                at = f"reaches {position:.9g} {OF_JOINT[joint.slides].unit}"
+                at = f"reaches {position:.9g} {joint.terms.unit}"
                 outside = f"outside {joint.limits_key} = {[low, high]} of the joint of {name!r}"
                 raise SceneError(f"{at}: {outside}", id="wrench-out-of-reach")

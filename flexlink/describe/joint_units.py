@@ -86,7 +86,10 @@ def in_words(slides: bool, si: float, form: str = ".6g") -> str:
 
 
 class KindOfJoint(NamedTuple):
-    """Names of a kind of joint, of its coordinate and drive, of their units, in scenes and in SI, and what it does."""
+    """Names of a kind of joint, of its coordinate and drive, and of their units, in scenes and in SI; what it does.
+
+    `motion` has the keys of its position, rate and acceleration in a scene.
+    """
 
     name: str
     unit: str
@@ -95,10 +98,14 @@ class KindOfJoint(NamedTuple):
     place: str
     load: str
     moves: str
+    motion: tuple[str, str, str]
 
 
+OF_MOTION = "angle_deg", "rate_deg", "acceleration_deg"
+"""Keys of angle, rate and acceleration in a scene."""
+IN_METRES_OF_MOTION = "position_m", "rate_m", "acceleration_m"
 OF_JOINT = {
-    False: KindOfJoint("revolute", "deg", "rad", "N m", "angle", "torque", "turns"),
-    True: KindOfJoint("prismatic", "m", "m", "N", "position", "force", "slides"),
+    False: KindOfJoint("revolute", "deg", "rad", "N m", "angle", "torque", "turns", OF_MOTION),
+    True: KindOfJoint("prismatic", "m", "m", "N", "position", "force", "slides", IN_METRES_OF_MOTION),
 }
 """Kinds of joints, by whether they slide."""

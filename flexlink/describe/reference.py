@@ -13,7 +13,7 @@ from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import both_given, missing, plural, truncated
 from flexlink.describe import profiles
-from flexlink.describe.joint_units import IN_METRES, OF_JOINT, Row, Slides, in_si, together
+from flexlink.describe.joint_units import IN_METRES, OF_JOINT, OF_MOTION, Row, Slides, in_si, together
 from flexlink.describe.numbers import require_increasing, require_positive
 from flexlink.describe.reference_trajectory import ReferenceTrajectory, distinct, from_rest_to_rest, side_by_side, still
 from flexlink.describe.shaping import InputShaper
@@ -31,7 +31,6 @@ TAKES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 """Keys that each profile needs, and optional keys; twins in metres are implied."""
 TABLED = tuple(profile for profile, (needs, _) in TAKES.items() if "times" in needs)
 LISTS = ("to_deg", "from_deg", *LIMITS)
-OF_MOTION = ("angle_deg", "rate_deg", "acceleration_deg")
 
 
 class Reference(Spec, frozen=True):
@@ -184,9 +183,9 @@ class Reference(Spec, frozen=True):
             if rows is not None and len(rows) != len(times):
                 raise SceneError(f"{name}: {plural(len(rows), 'row')}, but {len(times)} times", id="one-per-time")
 
-    def starts_at_initial(self, *, slides: bool) -> bool:
-        """Whether a revolute joint, or with `slides` a prismatic one, starts at its initial position in the scene."""
-        return self.profile not in TABLED and (self.from_m if slides else self.from_deg) is None
+    def starts_at_initial(self, unit: str) -> bool:
+        """Whether joints whose unit is deg or m start at their initial positions in the scene."""
+        return self.profile not in TABLED and getattr(self, f"from_{unit}") is None
 
     @property
     def per_link(self) -> dict[str, Row]:
@@ -265,7 +264,7 @@ class Reference(Spec, frozen=True):
         return together(slides, getattr(self, name), getattr(self, IN_METRES[name]))
 
     def _move(self, initial: Array, links: list[int], slides: Slides) -> ReferenceTrajectory:
-        given = np.array([not self.starts_at_initial(slides=s) for s in slides])
+        given = np.array([not self.starts_at_initial(OF_JOINT[s].unit) for s in slides])
         start = np.where(given, self._own("from_deg", slides), initial)
         to = np.array(self._own("to_deg", slides))
         shapes = {k: self._shape(k, abs(to[k] - start[k]), slides[k]) for k in links if to[k] != start[k]}

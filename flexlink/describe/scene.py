@@ -23,7 +23,7 @@ from flexlink.describe.actions import PrescribedMotion, Wrench
 from flexlink.describe.arm import Arm
 from flexlink.describe.drive import Drive
 from flexlink.describe.initial import InitialState
-from flexlink.describe.joint_units import OF_JOINT, Row, in_si, together
+from flexlink.describe.joint_units import Row
 from flexlink.describe.link import RIGID, Link
 from flexlink.describe.reference import Reference
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
@@ -133,22 +133,22 @@ class Scene(Spec, frozen=True):
     @property
     def starts(self) -> Row:
         """Initial joint positions, one per link, [deg], or [m] for prismatic joints."""
-        return self.initial.own("joint", self.arm.slides)
+        return self.arm.own(self.initial.joint_deg, self.initial.joint_m)
 
     @property
     def joint_positions(self) -> Array:
         """Initial joint positions, one per link, [rad], or [m] for prismatic joints."""
-        return in_si(self.arm.slides, self.starts)
+        return self.arm.in_si(self.starts)
 
     @property
     def joint_rates(self) -> Array:
         """Initial joint rates, one per link, [rad/s], or [m/s] for prismatic joints."""
-        return in_si(self.arm.slides, self.initial.own("rate", self.arm.slides))
+        return self.arm.in_si(self.arm.own(self.initial.rate_deg, self.initial.rate_m))
 
     @property
     def joint_targets(self) -> Array:
         """Target positions of a controller, one per link, [rad], or [m] for prismatic joints; zero if not given."""
-        return in_si(self.arm.slides, together(self.arm.slides, self.drive.target_deg, self.drive.target_m))
+        return self.arm.in_si(self.arm.own(self.drive.target_deg, self.drive.target_m))
 
     def __repr__(self) -> str:
         return f"<Scene {self.name!r}: {self.arm!r}; {self.run.in_words}>"
@@ -183,10 +183,9 @@ class Scene(Spec, frozen=True):
     def _put_joints_at_zero(self) -> None:
         """Set the default angles; if a complete state is given, a reference must then specify where it starts."""
         if self.initial.q is not None and self.drive.reference is not None:
-            for slides in set(self.arm.slides):
-                key, default = f"from_{OF_JOINT[slides].unit}", f"joint_{OF_JOINT[slides].unit}"
-                if self.drive.reference.starts_at_initial(slides=slides) and not getattr(self.initial, default):
-                    raise missing(f"drive.reference.{key}", f"initial.{default}, its default, is not given")
+            for unit in sorted({link.joint.terms.unit for link in self.arm.links}):
+                if self.drive.reference.starts_at_initial(unit) and not getattr(self.initial, f"joint_{unit}"):
+                    raise missing(f"drive.reference.from_{unit}", f"initial.joint_{unit}, its default, is not given")
         joint_deg = (0.0,) * len(self.arm.links)
         msgspec.structs.force_setattr(self, "initial", replace(self.initial, joint_deg=joint_deg))
 

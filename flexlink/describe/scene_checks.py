@@ -17,7 +17,6 @@ from flexlink.describe.initial import BaseState, InitialState
 from flexlink.describe.joint import outside_limits, refuse_beyond
 from flexlink.describe.joint_units import OF_JOINT, misplaced
 from flexlink.describe.numbers import whole
-from flexlink.describe.reference import OF_MOTION
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.run_settings import RunSettings, check_method
 from flexlink.describe.spec import check_all, fields_of, is_per_link, link_key
@@ -70,7 +69,8 @@ def _missing_targets(arm: Arm, drive: Drive) -> Iterator[Diagnostic]:
 
 def check_limits(arm: Arm, initial: InitialState, names: Mapping[str, str]) -> None:
     """Check that joints start within their limits."""
-    for k, (link, position) in enumerate(zip(arm.links, initial.own("joint", arm.slides), strict=True)):
+    positions = arm.own(initial.joint_deg, initial.joint_m)
+    for k, (link, position) in enumerate(zip(arm.links, positions, strict=True)):
         outside = outside_limits(link.name, link.joint, position)
         if outside and (initial.q is None or link.joint.locked):
             key = names["joint_m" if link.joint.slides else "joint_deg"].replace("joint_", "initial.joint_")
@@ -105,16 +105,15 @@ def _check_motion(arm: Arm, initial: InitialState, motion: PrescribedMotion) -> 
         raise SceneError(f"{path}: its joint is locked; a motion needs a free joint", id="motion-of-locked-joint")
     joint = arm.links[number - 1].joint
     if motion.slides != joint.slides:
-        key, wanted = motion.keys[0], "position_m, rate_m, acceleration_m" if joint.slides else ", ".join(OF_MOTION)
+        key, wanted = motion.keys[0], ", ".join(joint.terms.motion)
         given = f"{path}.{key} = {truncated(motion.columns[0])}"
         raise SceneError(
             f"{given}: joint {arm.links[number - 1].name!r} is {joint.kind}; give {wanted}", id="sensor-of-joint"
         )
-    (position, rate), slides = motion.keys[:2], arm.slides
-    for key, start, first, elsewhere in (
-        (position, initial.own("joint", slides)[number - 1], motion.columns[0][0], initial.q),
-        (rate, initial.own("rate", slides)[number - 1], motion.columns[1][0], initial.qd),
-    ):
+    position, *_ = motion.keys
+    positions, rates = arm.own(initial.joint_deg, initial.joint_m), arm.own(initial.rate_deg, initial.rate_m)
+    starts = (positions[number - 1], initial.q), (rates[number - 1], initial.qd)
+    for key, (first, *_), (start, elsewhere) in zip(motion.keys, motion.columns, starts, strict=False):
         if start != first and initial.time == 0 and elsewhere is None:
             raise SceneError(
                 f"{path}.{key}[0] = {first!r}: must be the initial value, {start!r}", id="start-differs-from-motion"

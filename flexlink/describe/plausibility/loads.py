@@ -11,7 +11,6 @@ import numpy as np
 from flexlink.common.errors import Diagnostic
 from flexlink.describe.arm import Arm
 from flexlink.describe.drive import Drive
-from flexlink.describe.joint_units import OF_JOINT
 from flexlink.describe.link import Link
 from flexlink.describe.material import Section
 from flexlink.describe.plausibility.sizes import Range, hint_if_outside, largest_dimension, ranges
@@ -73,7 +72,7 @@ def of_joints(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
     """Hints on rotors, gears, root springs and torques that are implausible for the masses they move."""
     arm, whole = scene.arm, about.inertia
     for k, link in enumerate(arm.links):
-        path, joint, kind = arm.path(k + 1), link.joint, OF_JOINT[link.joint.slides]
+        path, joint, kind = arm.path(k + 1), link.joint, link.joint.terms
         for axis, (stiffness, _) in link.root_springs.items():
             sag = about.pull * about.first_moment(k) / stiffness
             yield from hint_if_outside(

@@ -81,9 +81,9 @@ def state_under(inputs: Inputs, scene: Scene, chain: Chain) -> tuple[Array, Arra
 def stated(scene: Scene, chain: Chain) -> tuple[Array, Array]:
     """q0 and q̇0 (n,) [rad, rad/s, m, m/s] as specified for joints and for a free base, with springs unloaded."""
     initial, slides = scene.initial, scene.arm.slides
-    q, qd = spread(chain, row_in_si(slides, initial.own("joint", slides))), np.zeros(chain.n)
+    q, qd = spread(chain, row_in_si(slides, scene.starts)), np.zeros(chain.n)
     if initial.rate_deg or initial.rate_m:
-        qd = spread(chain, row_in_si(slides, initial.own("rate", slides)))
+        qd = spread(chain, row_in_si(slides, scene.arm.own(initial.rate_deg, initial.rate_m)))
     base = initial.base
     if chain.has_free_base:
         q[:3], qd[:3], qd[3:6] = base.xyz, base.velocity, base.rates
