@@ -46,9 +46,8 @@ def run_command(options: argparse.Namespace) -> int:
     for cpu in cpus:
         if cpu and (options.out is None or cpu not in families_here()):
             allowed = ", ".join(families_here()) or "none"
-            raise ArgumentError(
-                f"--cpu = {cpu}: expected a family of this processor, {allowed}, and --out", id="unknown-processor"
-            )
+            text = f"--cpu = {cpu}: expected a family of this processor, {allowed}, and --out"
+            raise ArgumentError(text, id="unknown-processor")
         _compile(cpu, options.out, options.jobs)
     if options.out is None:
         done_before().touch()

@@ -38,9 +38,8 @@ def run_command(options: argparse.Namespace) -> int:
     for path, text in texts.items():
         there = options.out / path
         if there.exists() and (not there.is_file() or there.read_text(encoding="utf-8", errors="replace") != text):
-            raise ArgumentError(
-                f"{there}: exists, with other content; move it, or name another folder by --out", id="file-exists"
-            )
+            why = f"{there}: exists, with other content; move it, or name another folder by --out"
+            raise ArgumentError(why, id="file-exists")
     for path, text in texts.items():
         there = options.out / path
         make_folder(there.parent)

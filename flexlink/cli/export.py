@@ -61,9 +61,8 @@ def run_command(options: argparse.Namespace) -> int:
         for name in _formats(options):
             target = options.out / (path.stem + FORMATS[name].ending)
             if target in texts:
-                raise ArgumentError(
-                    f"{path}: {target} would overwrite another scene's file; export one at a time", id="would-overwrite"
-                )
+                why = f"{path}: {target} would overwrite another scene's file; export one at a time"
+                raise ArgumentError(why, id="would-overwrite")
             with prefix_errors(path):
                 notes += _missing(target, scene, chain, name, strict=options.strict)
                 texts[target] = FORMATS[name].write(chain, **({"initial": state} if FORMATS[name].keyframe else {}))
@@ -115,9 +114,8 @@ def _missing(target: Path, scene: Scene, chain: Chain, format: str, *, strict: b
     """Return a note on what a format cannot represent; with `--strict`, raise an error."""
     missing = unsupported(scene, chain, format=format)
     if missing and strict:
-        raise ArgumentError(
-            f"--strict: {format} cannot represent {', '.join(missing)}; no file written", id="not-representable"
-        )
+        text = f"--strict: {format} cannot represent {', '.join(missing)}; no file written"
+        raise ArgumentError(text, id="not-representable")
     return [storage_note(target, missing, format=format)] if missing else []
 
 

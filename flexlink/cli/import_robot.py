@@ -97,9 +97,8 @@ def _positions(robot: Robot, option: str, texts: Sequence[str]) -> dict[str, flo
     for name, value in assignments(option, texts, "elbow=90").items():
         number = finite(value)
         if number is None:
-            raise ArgumentError(
-                f"{option} {name}={value}: expected a finite number [deg; m for a slide]", id="option-value"
-            )
+            text = f"{option} {name}={value}: expected a finite number [deg; m for a slide]"
+            raise ArgumentError(text, id="option-value")
         joint = robot.joints.get(name)
         in_metres = joint is not None and joint.moves and not joint.turns
         positions[name] = number if in_metres else math.radians(number)

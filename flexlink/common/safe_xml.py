@@ -68,9 +68,8 @@ class _Elements(ET.TreeBuilder):
         self.opened: list[tuple[str, int]] = []
 
     def doctype(self, name: str, *_: object) -> None:
-        raise DataFileError(
-            f"{self.what}: contains <!DOCTYPE {name[:60]}>; remove it and all entities", id="xml-entities"
-        )
+        text = f"{self.what}: contains <!DOCTYPE {name[:60]}>; remove it and all entities"
+        raise DataFileError(text, id="xml-entities")
 
     def start(self, tag: str, attributes: Mapping[str, str], /) -> ET.Element:
         self.count += 1 + len(attributes)
@@ -78,9 +77,8 @@ class _Elements(ET.TreeBuilder):
         if self.count > MOST_ELEMENTS:
             raise DataFileError(f"{self.what}: more than {MOST_ELEMENTS} elements and attributes", id="file-too-large")
         if len(self.opened) > DEEPEST:
-            raise DataFileError(
-                f"{self.what}: elements are nested deeper than {DEEPEST}, at <{tag[:60]}>", id="xml-too-deep"
-            )
+            text = f"{self.what}: elements are nested deeper than {DEEPEST}, at <{tag[:60]}>"
+            raise DataFileError(text, id="xml-too-deep")
         return super().start(_full(tag), {_full(key): value for key, value in attributes.items()})
 
     def end(self, tag: str, /) -> ET.Element:

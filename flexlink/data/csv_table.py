@@ -57,25 +57,21 @@ class CsvTable(NamedTuple):
             text = f"{self.path}: no column {wanted!r}; columns: {short_list(self.heads)}{remedy}"
             raise DataFileError(text, id="no-such-column")
         if len(found) > 1:
-            raise DataFileError(
-                f"{self.path}: column {quantity!r} appears twice: {short_list(self.heads)}", id="column-twice"
-            )
+            why = f"{self.path}: column {quantity!r} appears twice: {short_list(self.heads)}"
+            raise DataFileError(why, id="column-twice")
         given, column = head_of(self.heads[found[0]])[1], self.values[:, found[0]]
         if not given:
-            raise DataFileError(
-                f"{self.path}: column {quantity!r}: without a unit; expected one, as in {wanted!r}", id="unit-missing"
-            )
+            why = f"{self.path}: column {quantity!r}: without a unit; expected one, as in {wanted!r}"
+            raise DataFileError(why, id="unit-missing")
         factor = conversion(given, unit)
         if factor is None:
             fitting = ", ".join(units_like(unit))
-            raise DataFileError(
-                f"{self.path}: column {self.heads[found[0]]!r}: unit must be one of {fitting}", id="unit-unknown"
-            )
+            why = f"{self.path}: column {self.heads[found[0]]!r}: unit must be one of {fitting}"
+            raise DataFileError(why, id="unit-unknown")
         if np.isnan(column).any():
             line = int(np.argmax(np.isnan(column))) + 2
-            raise DataFileError(
-                f"{self.path}: line {line}, {self.heads[found[0]]}: empty; expected a number", id="csv-cell"
-            )
+            why = f"{self.path}: line {line}, {self.heads[found[0]]}: empty; expected a number"
+            raise DataFileError(why, id="csv-cell")
         return column * factor
 
     def _misspelt(self, quantity: str, unit: str) -> str | None:
@@ -155,28 +151,24 @@ def read_csv(path: Path) -> CsvTable:
     except (UnicodeDecodeError, csv.Error) as error:
         raise DataFileError(f"{path}: is not CSV: {error}", id="not-csv") from None
     except ValueError:
-        raise DataFileError(
-            f"{path}: is empty; expected a header line with a column {TIME!r}", id="file-empty"
-        ) from None
+        why = f"{path}: is empty; expected a header line with a column {TIME!r}"
+        raise DataFileError(why, id="file-empty") from None
     for sign, name in ((";", "semicolons"), ("\t", "tabs")):
         if len(heads) == 1 and sign in heads[0]:
-            raise DataFileError(
-                f"{path}: cells are separated by {name}; expected commas, and decimal points", id="not-csv"
-            )
+            why = f"{path}: cells are separated by {name}; expected commas, and decimal points"
+            raise DataFileError(why, id="not-csv")
     heads = [head.strip() for head in heads]
     if not any(head_of(head)[1] for head in heads):  # may be another kind of file, so do not quote its content
-        raise DataFileError(
-            f"{path}: its first line has no column with a unit, such as {TIME!r}; expected a CSV file", id="not-csv"
-        )
+        why = f"{path}: its first line has no column with a unit, such as {TIME!r}; expected a CSV file"
+        raise DataFileError(why, id="not-csv")
     rows = [_numbers(path, number, line, heads) for number, line in enumerate(lines, 2)]
     return CsvTable(path, tuple(heads), np.array(rows, dtype=np.float64).reshape(len(rows), len(heads)))
 
 
 def _numbers(path: Path, number: int, line: list[str], heads: list[str]) -> list[float]:
     if len(line) != len(heads):
-        raise DataFileError(
-            f"{path}: line {number}: {plural(len(line), 'cell')}; the header line has {len(heads)}", id="csv-cell"
-        )
+        text = f"{path}: line {number}: {plural(len(line), 'cell')}; the header line has {len(heads)}"
+        raise DataFileError(text, id="csv-cell")
     found = []
     for cell, head in zip(line, heads, strict=True):
         try:
@@ -184,9 +176,8 @@ def _numbers(path: Path, number: int, line: list[str], heads: list[str]) -> list
                 raise ValueError
             found.append(float(cell) if cell.strip() else math.nan)
         except ValueError:
-            raise DataFileError(
-                f"{path}: line {number}, {head}: {truncated(cell)} is not a number", id="csv-cell"
-            ) from None
+            text = f"{path}: line {number}, {head}: {truncated(cell)} is not a number"
+            raise DataFileError(text, id="csv-cell") from None
         if not math.isfinite(found[-1]) and cell.strip():
             raise DataFileError(f"{path}: line {number}, {head}: {truncated(cell)} is not finite", id="csv-cell")
     return found

@@ -21,9 +21,8 @@ from flexlink.common.wording import truncated
 def require_path(name: str, value: object) -> Path:
     """Convert a str or Path to a Path."""
     if not isinstance(value, str | os.PathLike):
-        raise ArgumentError(
-            f"{name} = {truncated(value)}: expected a str or a Path, got {type(value).__name__}", id="wrong-type"
-        )
+        text = f"{name} = {truncated(value)}: expected a str or a Path, got {type(value).__name__}"
+        raise ArgumentError(text, id="wrong-type")
     return Path(value)
 
 

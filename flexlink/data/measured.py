@@ -44,9 +44,8 @@ def read_together(paths: Sequence[Path], known: Mapping[str, object], only: Sequ
         for name, column in part.columns.items():
             if name in columns:
                 other = next(one for one, before in parts.items() if name in before.columns)
-                raise DataFileError(
-                    f"{path}: column {name!r} is also in {other}; remove it from one file", id="column-twice"
-                )
+                text = f"{path}: column {name!r} is also in {other}; remove it from one file"
+                raise DataFileError(text, id="column-twice")
             columns[name] = np.full(len(t), np.nan)
             columns[name][at] = column
     return Measured(t, columns)

@@ -53,9 +53,8 @@ def smoothed(t: Array, y: Array, cutoff: float | str) -> tuple[Array, Array, Arr
     # with fewer samples, the smoothing spline could only be a parabola
     fewest = 5
     if len(t) < fewest:
-        raise SceneError(
-            f"cutoff = {cutoff!r}: {len(t)} samples are too few; expected {fewest} or more", id="too-few-samples"
-        )
+        text = f"cutoff = {cutoff!r}: {len(t)} samples are too few; expected {fewest} or more"
+        raise SceneError(text, id="too-few-samples")
     spacing, cutoff = float(np.diff(t).max()), best_cutoff(t, y) if isinstance(cutoff, str) else cutoff
     if 2 * spacing * cutoff >= 1:
         raise SceneError(

@@ -78,9 +78,8 @@ class PrescribedMotion(Spec, frozen=True):
                 takes = f"a motion has times, {', '.join(self.keys)}; or a file with a cutoff"
                 raise missing(name, takes)
             if len(column) != len(self.times):
-                raise SceneError(
-                    f"{name} has {len(column)} values: expected one per time, {len(self.times)}", id="one-per-time"
-                )
+                text = f"{name} has {len(column)} values: expected one per time, {len(self.times)}"
+                raise SceneError(text, id="one-per-time")
             other = TWINS[name]
             if getattr(self, other) is not None:
                 raise both_given(other, getattr(self, other), name)

@@ -48,9 +48,8 @@ def line_of(ends: tuple[Vector3, Vector3], up: Vector3 | None, axis: Array) -> L
         along = stop - start
     length = math.hypot(*along)
     if not 0 < length < math.inf:
-        raise SceneError(
-            f"line = {truncated(ends)}: has length {length:g} m; must be positive and finite", id="no-length"
-        )
+        why = f"line = {truncated(ends)}: has length {length:g} m; must be positive and finite"
+        raise SceneError(why, id="no-length")
     x = unit("line", along)
     z = _across(x, axis if up is None else unit("up", up))
     if z is None and up is not None:

@@ -66,9 +66,8 @@ def _check_root(link: Link) -> None:
     sprung = np.array([name in link.root_springs for name in ROOT_AXES])
     if axis[~sprung].any() or np.cross(axis, lever).any() or link.joint.backs(link.hub):
         return
-    raise SceneError(
-        f"root_stiffness: turns about the axis {truncated(link.joint.axis)} of {_bare(link)}", id="root-stiffness-axis"
-    )
+    text = f"root_stiffness: turns about the axis {truncated(link.joint.axis)} of {_bare(link)}"
+    raise SceneError(text, id="root-stiffness-axis")
 
 
 def _bare(link: Link) -> str:

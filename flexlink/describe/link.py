@@ -178,9 +178,8 @@ class Link(Spec, frozen=True):
             raise SceneError(f"{given}; to make it bend, set flex = 'z', 'yz' or 'xyz'", id="rigid-segments")
         if self.strains:
             remedy = "set flex = 'z', 'yz' or 'xyz'"
-            raise SceneError(
-                f"{self._strains}: a rigid link does neither shear nor stretch; {remedy}", id="rigid-strains"
-            )
+            text = f"{self._strains}: a rigid link does neither shear nor stretch; {remedy}"
+            raise SceneError(text, id="rigid-strains")
         if self.rigidity is not None and length == 0:
             why = "a link with a rigidity needs a length > 0 or a line (default: 0)"
             raise self._refused("length", why, "needs-a-length")

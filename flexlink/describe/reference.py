@@ -233,9 +233,8 @@ class Reference(Spec, frozen=True):
         start = np.asarray(initial, dtype=np.float64)
         for name, row in self.per_link.items():
             if len(row) != len(start):
-                raise SceneError(
-                    f"{name} = {truncated(row)}: expected one number per link, {len(start)}", id="one-per-link"
-                )
+                text = f"{name} = {truncated(row)}: expected one number per link, {len(start)}"
+                raise SceneError(text, id="one-per-link")
         chosen = list(range(len(start)) if links is None else links)
         kinds = (False,) * len(start) if slides is None else tuple(map(bool, slides))
         self._require_lists({kinds[k] for k in chosen})

@@ -61,9 +61,8 @@ class ReferenceTrajectory:
             text = f"knots[{k + 1}] = {knots[k + 1]!r}: must be later than the previous one, {knots[k]!r}"
             raise ArgumentError(text, id="times-not-increasing")
         if c[0, 1:].any() or c[-1, 1:].any():
-            raise ArgumentError(
-                "coefficients: the first and the last piece must be constant (start and end at rest)", id="not-at-rest"
-            )
+            why = "coefficients: the first and the last piece must be constant (start and end at rest)"
+            raise ArgumentError(why, id="not-at-rest")
         knots.flags.writeable = c.flags.writeable = False
 
     def __call__(self, t: ArrayLike) -> tuple[Array, Array, Array]:

@@ -124,17 +124,15 @@ def _columns(file: Path) -> dict[str, tuple[float, ...]]:
     for head, quantity in zip(table.heads, given, strict=True):
         if quantity != "x" and quantity not in heads:
             known = [f"{known} [{COLUMNS[name]}]" for known, name in heads.items()]
-            raise DataFileError(
-                f"{file}: column {head!r}: not known; expected {', '.join(['x [m]', *known])}", id="unknown-column"
-            )
+            text = f"{file}: column {head!r}: not known; expected {', '.join(['x [m]', *known])}"
+            raise DataFileError(text, id="unknown-column")
     found = {"x": table.column("x", "m"), "rho_a": table.column("rhoA", COLUMNS["rho_a"])}
     found |= {name: table.column(head, COLUMNS[name]) for head, name in heads.items() if head in given}
     for name, column in found.items():
         low = 0.0 if name in {"x", "rho_i_y", "rho_i_z"} else tiny
         if not (column >= low).all():
-            raise DataFileError(
-                f"{file}: line {int(np.argmax(column < low)) + 2}: {name} must be positive", id="out-of-range"
-            )
+            text = f"{file}: line {int(np.argmax(column < low)) + 2}: {name} must be positive"
+            raise DataFileError(text, id="out-of-range")
     return {name: tuple(column.tolist()) for name, column in found.items()}
 
 

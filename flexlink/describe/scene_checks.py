@@ -89,9 +89,8 @@ def check_motions(arm: Arm, initial: InitialState, drive: Drive, motions: Sequen
             gains = getattr(drive, name)
             if gains is not None and gains[number - 1]:
                 gain = f"{arm.path(number, f'drive.{name}')} = {gains[number - 1]!r}"
-                raise SceneError(
-                    f"{gain}: the motion of {motion.link!r} is prescribed; must be 0", id="joint-prescribed"
-                )
+                text = f"{gain}: the motion of {motion.link!r} is prescribed; must be 0"
+                raise SceneError(text, id="joint-prescribed")
 
 
 def _check_motion(arm: Arm, initial: InitialState, motion: PrescribedMotion) -> int:
@@ -107,17 +106,15 @@ def _check_motion(arm: Arm, initial: InitialState, motion: PrescribedMotion) -> 
     if motion.slides != joint.slides:
         key, wanted = motion.keys[0], ", ".join(joint.terms.motion)
         given = f"{path}.{key} = {truncated(motion.columns[0])}"
-        raise SceneError(
-            f"{given}: joint {arm.links[number - 1].name!r} is {joint.kind}; give {wanted}", id="sensor-of-joint"
-        )
+        text = f"{given}: joint {arm.links[number - 1].name!r} is {joint.kind}; give {wanted}"
+        raise SceneError(text, id="sensor-of-joint")
     position, *_ = motion.keys
     positions, rates = arm.own(initial.joint_deg, initial.joint_m), arm.own(initial.rate_deg, initial.rate_m)
     starts = (positions[number - 1], initial.q), (rates[number - 1], initial.qd)
     for key, (first, *_), (start, elsewhere) in zip(motion.keys, motion.columns, starts, strict=False):
         if start != first and initial.time == 0 and elsewhere is None:
-            raise SceneError(
-                f"{path}.{key}[0] = {first!r}: must be the initial value, {start!r}", id="start-differs-from-motion"
-            )
+            text = f"{path}.{key}[0] = {first!r}: must be the initial value, {start!r}"
+            raise SceneError(text, id="start-differs-from-motion")
     middle = sum(joint.limits or (0.0, 0.0)) / 2
     k, value = max(enumerate(motion.columns[0]), key=lambda each: abs(each[1] - middle))
     if outside := outside_limits(arm.links[number - 1].name, joint, value):
@@ -149,9 +146,8 @@ def check_wrench(arm: Arm, wrench: Wrench) -> None:
             why = "is not a link; attach a locked link of zero length to it (link.on = 'base'), and name that"
         elif on in {link.name for link in arm.links}:
             why = "other links are attached to it; attach a locked link of zero length, and name that"
-        raise SceneError(
-            f"wrench.on = {on!r}: {why}; allowed are {', '.join(tips)}{did_you_mean(on, tips)}", id="unknown-name"
-        )
+        text = f"wrench.on = {on!r}: {why}; allowed are {', '.join(tips)}{did_you_mean(on, tips)}"
+        raise SceneError(text, id="unknown-name")
 
 
 def check_reference(arm: Arm, drive: Drive, course: ReferenceTrajectory | None, run: RunSettings) -> None:

@@ -68,9 +68,8 @@ class _Explained(msgspec.StructMeta):
             except TypeError:
                 known = fields_of(self)
                 if values and isinstance(values[0], str) and values[0].endswith(".toml"):
-                    raise SceneError(
-                        f"{self.__name__}({values[0]!r}): fl.load_scene reads a file", id="wrong-type"
-                    ) from None
+                    text = f"{self.__name__}({values[0]!r}): fl.load_scene reads a file"
+                    raise SceneError(text, id="wrong-type") from None
                 required = [field.name for field in known if field.required] if not values else []
                 for wrong in key_mistakes(fields, [field.name for field in known], required, self.__name__):
                     raise SceneError(wrong, id=wrong.id) from None

@@ -37,9 +37,8 @@ def apply_changes(document: dict[str, Any], kinds: Mapping[str, Any], changes: M
     removes a key, which restores its default.
     """
     if not isinstance(changes, Mapping):
-        raise ArgumentError(
-            f"changes = {truncated(changes)}: expected a dict such as {{'run.step': 1e-5}}", id="wrong-type"
-        )
+        text = f"changes = {truncated(changes)}: expected a dict such as {{'run.step': 1e-5}}"
+        raise ArgumentError(text, id="wrong-type")
     for path in changes:
         if not isinstance(path, str):
             raise ArgumentError(f"changes: {truncated(path)}: expected a path such as 'run.step'", id="path-form")

@@ -218,9 +218,8 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
             _check_number("A, b, c", x)
         msgspec.structs.force_setattr(self, "stages", stages)
         if stages > MOST_STAGES and not self.explicit:
-            raise SceneError(
-                f"A, b, c: {stages} stages; an implicit method takes at most {MOST_STAGES}", id="method-stages"
-            )
+            why = f"A, b, c: {stages} stages; an implicit method takes at most {MOST_STAGES}"
+            raise SceneError(why, id="method-stages")
         A, b, c = self.exact
         if abs(sum(b, Fraction(0)) - 1) > CLOSE:
             raise self._refused("b", "must sum to 1", "method-coefficients")
@@ -237,9 +236,8 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
 
     def _check_error(self) -> None:
         if self.error_rows and not self.explicit:
-            raise SceneError(
-                "error: only explicit methods take error weights; leave error out", id="method-error-weights"
-            )
+            why = "error: only explicit methods take error weights; leave error out"
+            raise SceneError(why, id="method-error-weights")
         for i, row in enumerate(self.error_rows):
             if len(row) not in {self.stages, self.stages + 1}:
                 text = f"expected {self.stages}, one per stage, or one more for q̈ at the end of the step"
