@@ -120,17 +120,8 @@ def _split(unit: str) -> tuple[str, float] | None:
 
 def units_like(unit: str) -> list[str]:
     """All header units that can be converted to a unit."""
-    return [name for name in every_unit() if conversion(name, unit) is not None]
-
-
-def every_unit() -> list[str]:
-    """All units allowed in headers."""
-    return [
-        f"{unit}{per}"
-        for per in dict.fromkeys(PER.values())
-        for unit, (base, _) in UNITS.items()
-        if not per or base in WITH_RATES
-    ]
+    known = [f"{base}{per}" for per in dict.fromkeys(PER.values()) for base in UNITS]
+    return [name for name in known if conversion(name, unit) is not None]
 
 
 def in_si(head: str) -> tuple[str, float] | None:

@@ -82,10 +82,12 @@ def with_absolute_paths(folder: Path, document: T) -> T:
         for key in keys:
             value = node[key]
             name = key.rpartition(".")[2] if isinstance(key, str) else above
-            if isinstance(value, str):
-                node[key] = _from(folder, name, value)
-            else:
+            if not isinstance(value, str):
                 left.append((name, value))
+            elif name == "file" and value:
+                node[key] = str((folder / value).absolute())
+            elif name in {"method", "lumping", "kind"}:  # built-in names, or paths of user files
+                node[key] = absolute(value, folder)
     return document
 
 
@@ -101,14 +103,6 @@ def _as_json(document: object) -> bytes:
         return msgspec.json.encode(document)
     except (TypeError, ValueError, OverflowError, RecursionError):
         return b""
-
-
-def _from(folder: Path, key: str, value: str) -> str:
-    # keys whose values are built-in names or paths of user files
-    named = {"method", "lumping", "kind"}
-    if key == "file" and value:
-        return str((folder / value).absolute())
-    return absolute(value, folder) if key in named else value
 
 
 def paths_of(table: Mapping[str, Any], leaf: tuple[str, ...] = (), above: str = "") -> Iterator[tuple[str, Any]]:

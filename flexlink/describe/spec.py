@@ -9,7 +9,7 @@ import reprlib
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import NoneType, UnionType
-from typing import TYPE_CHECKING, Annotated, Any, Union, cast, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, TypeGuard, Union, cast, get_args, get_origin
 
 import msgspec
 import numpy as np
@@ -113,7 +113,8 @@ class Spec(
 
     def _refused(self, key: str, why: str, id: str) -> SceneError:
         """The error of the value of a key."""
-        return SceneError(f"{key} = {truncated(getattr(self, key))}: {why}", id=id)
+        value = getattr(self, key)
+        return SceneError(f"{key} = {repr(value) if isinstance(value, str) else truncated(value)}: {why}", id=id)
 
     def __repr__(self) -> str:
         """Fields that differ from their defaults; long texts and tables are truncated."""
@@ -144,18 +145,13 @@ def to_builtin(value: object) -> object:
     """
     if isinstance(value, np.ndarray):
         return to_builtin(value.tolist())
-    if isinstance(value, np.generic):
-        return _scalar(value)
+    if isinstance(value, np.generic):  # `item` alone would return a longdouble unchanged
+        return float(value) if isinstance(value, np.floating) else value.item()
     if type(value) in {list, tuple}:
         return type(value)(to_builtin(item) for item in value)  # type: ignore[attr-defined, call-arg]
     if type(value) is dict:
         return {to_builtin(key): to_builtin(item) for key, item in value.items()}
     return value
-
-
-def _scalar(value: np.generic) -> object:
-    """Built-in object of a NumPy scalar; `item` alone would return a longdouble unchanged."""
-    return float(value) if isinstance(value, np.floating) else value.item()
 
 
 def decode(raw: object, kind: type[T] | Any, path: str = "", *, finite: bool = False) -> T:
@@ -195,13 +191,10 @@ def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) 
     where, kind = path_to(keys, raw, kind, path), bare_type(below)
     if error.__cause__ is not None:  # the message of a nested Spec already names field, value and what is allowed
         return Diagnostic(f"{where}.{error.__cause__}".lstrip("."), getattr(error.__cause__, "id", ""))
-    unknown = re.search(r"unknown field `(.*)`", reason)
-    if unknown and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
-        name, allowed = unknown[1], [field.encode_name for field in fields_of(kind)]
-        return _unknown(name, value.get(name), allowed, where)
-    missing = re.search(r"missing required field `(.*)`", reason)
-    if missing:
-        return _missing(f"{where}.{missing[1]}".lstrip("."))
+    if (unknown := re.search(r"unknown field `(.*)`", reason)) and is_record(kind):
+        return _unknown(unknown[1], value.get(unknown[1]), [field.encode_name for field in fields_of(kind)], where)
+    if absent := re.search(r"missing required field `(.*)`", reason):
+        return _missing(f"{where}.{absent[1]}".lstrip("."))
     wanted = expected(str(where), kind, value, reason, units)
     text = f"{where} = {truncated(value)}: {wanted}{why_not('', value)}".removeprefix(" = ")
     return Diagnostic(text, "wrong-value")
@@ -209,13 +202,8 @@ def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) 
 
 def check_keys(raw: Mapping[str, Any], allowed: Iterable[str], required: Iterable[str]) -> None:
     """Check the top-level keys of a parsed file."""
-    allowed = list(allowed)
-    for key in raw:
-        if key not in allowed:
-            raise SceneError(_unknown(key, raw[key], allowed))
-    for key in required:
-        if key not in raw:
-            raise SceneError(_missing(key))
+    for wrong in key_mistakes(raw, list(allowed), required):
+        raise SceneError(wrong)
 
 
 def key_mistakes(
@@ -257,7 +245,7 @@ def path_to(keys: Iterable[Any], value: Any, kind: Any, path: str = "") -> str:
             path += f".{key}"
         elif is_per_link(kind):
             path += f".{key + 1}"
-        elif issubclass(_class_of(type_below(kind, key)), msgspec.Struct):
+        elif is_record(bare_type(type_below(kind, key))):
             path += f".{link_key([_link_name(item) for item in value], key)}"
         else:
             path += f"[{key}]"
@@ -295,16 +283,16 @@ def _link_name(item: Any) -> object:
     return table.get("name", table.get("link")) if isinstance(table, dict) else None
 
 
-def _class_of(kind: Any) -> type:
-    kind = bare_type(kind)
-    return kind if isinstance(kind, type) else object
+def is_record(kind: Any) -> TypeGuard[type[msgspec.Struct]]:
+    """Whether a type is a description or another record, with fields."""
+    return isinstance(kind, type) and issubclass(kind, msgspec.Struct)
 
 
 @functools.cache
 def type_below(kind: Any, key: str) -> Any:
     """Annotation of `key` inside `kind`, one level down a key path."""
     kind = bare_type(kind)
-    if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+    if is_record(kind):
         return next((f.type for f in fields_of(kind) if f.encode_name == key), None)
     inner = [a for a in get_args(kind) if a is not Ellipsis]
     return inner[-1] if inner and get_origin(kind) in {tuple, list, dict} else None
@@ -319,8 +307,7 @@ def bare_type(kind: Any) -> Any:
 
 
 def _check_finite(value: object, kind: Any, path: str) -> None:
-    flaw = _flaw(value)
-    if flaw is not None:
+    if (flaw := _flaw(value)) is not None:
         *keys, text = flaw
         raise SceneError(f"{path_to(keys, value, kind, path)} = {text}", id="not-finite")
 
@@ -341,8 +328,7 @@ def _flaw(value: object) -> tuple[Any, ...] | None:
     elif isinstance(value, (list, tuple)):
         items = enumerate(value)
     for key, item in items:
-        flaw = _flaw(item)
-        if flaw is not None:
+        if (flaw := _flaw(item)) is not None:
             return key, *flaw
     return None
 
@@ -366,7 +352,7 @@ def _below(raw: Any, kind: Any, path: str) -> Iterator[Diagnostic]:
     if get_origin(bare) is dict and isinstance(raw, dict):
         for key, item in raw.items():
             yield from mistakes(item, get_args(bare)[1], f"{path}.{key}")
-    elif isinstance(bare, type) and issubclass(bare, msgspec.Struct) and isinstance(raw, dict):
+    elif is_record(bare) and isinstance(raw, dict):
         fields = fields_of(bare)
         names = [field.encode_name for field in fields]
         yield from key_mistakes(raw, names, (f.encode_name for f in fields if f.required), path)
@@ -380,8 +366,7 @@ def _below(raw: Any, kind: Any, path: str) -> Iterator[Diagnostic]:
 
 def raise_together(found: Iterable[Diagnostic]) -> None:
     """Raise one error that lists all mistakes, if there are any, with the id of the first mistake."""
-    # largest number of mistakes listed; a file with more is probably not a scene
-    most = 20
+    most = 20  # a file with more is probably not a scene
     texts = list(dict.fromkeys(found))
     if texts:
         more = [f"{len(texts) - most} more"] if len(texts) > most else []

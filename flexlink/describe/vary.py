@@ -22,7 +22,7 @@ from flexlink.common.wording import did_you_mean, truncated
 from flexlink.describe.expected import why_not
 from flexlink.describe.joint_units import fits_joint
 from flexlink.describe.link import RIGID
-from flexlink.describe.spec import Spec, Vector3, bare_type, fields_of, is_per_link, to_builtin, type_below
+from flexlink.describe.spec import Spec, Vector3, bare_type, fields_of, is_per_link, is_record, to_builtin, type_below
 
 Keys = tuple[Any, ...]
 """Keys of tables, and indices of list items from 0."""
@@ -188,7 +188,7 @@ class _Change:
         if isinstance(kind, dict):
             return [self._one_of(part, kind, keys=True)]
         above, per_link, kind = self._above(depth), is_per_link(kind), bare_type(kind)
-        if isinstance(node, dict) and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+        if isinstance(node, dict) and is_record(kind):
             return [self._one_of(part, _keys_of(kind), keys=True)]
         if isinstance(node, dict) and get_origin(kind) is dict:
             new = depth == len(self.parts) - 1  # a complete material or section
