@@ -227,13 +227,8 @@ def rectangle(height: float, width: float) -> SectionProperties:
     return SectionProperties(area, area * width**2 / 12, area * height**2 / 12, _rectangle_torsion(height, width))
 
 
-def circle(diameter: float) -> SectionProperties:
-    """Solid circle."""
-    return tube(diameter, 0.0)
-
-
-def tube(outer: float, inner: float) -> SectionProperties:
-    """Circular tube with outer and inner diameter."""
+def tube(outer: float, inner: float = 0.0) -> SectionProperties:
+    """Circular tube with outer and inner diameter, or a solid circle."""
     i = math.pi * (outer**4 - inner**4) / 64
     return SectionProperties(math.pi * (outer**2 - inner**2) / 4, i, i, 2 * i)
 
@@ -242,17 +237,8 @@ def box(height: float, width: float, wall: float) -> SectionProperties:
     """Rectangular tube of uniform wall; torsion by Bredt's formula J = 4 A_m² t / s_m, valid for thin walls."""
     h, w = height - 2 * wall, width - 2 * wall
     middle_area, middle_length = (height - wall) * (width - wall), 2 * (height + width - 2 * wall)
-    return SectionProperties(
-        height * width - h * w,
-        (height * width**3 - h * w**3) / 12,
-        (width * height**3 - w * h**3) / 12,
-        4 * middle_area**2 * wall / middle_length,
-    )
-
-
-def general(area: float, i_y: float, i_z: float, torsion: float) -> SectionProperties:
-    """Section of unspecified shape, given by its properties."""
-    return SectionProperties(area, i_y, i_z, torsion)
+    i_y, i_z = (height * width**3 - h * w**3) / 12, (width * height**3 - w * h**3) / 12
+    return SectionProperties(height * width - h * w, i_y, i_z, 4 * middle_area**2 * wall / middle_length)
 
 
 def _rectangle_torsion(a: float, b: float) -> float:
@@ -305,8 +291,8 @@ BREADTHS = {
 """Dimensions of each shape that face a flow along the section's y, and along its z."""
 SHAPES: dict[str, tuple[Callable[..., SectionProperties], tuple[str, ...]]] = {
     "rectangle": (rectangle, ("height", "width")),
-    "circle": (circle, ("diameter",)),
+    "circle": (tube, ("diameter",)),
     "tube": (tube, ("outer", "inner")),
     "box": (box, ("height", "width", "wall")),
-    "general": (general, ("area", "i_y", "i_z", "torsion")),
+    "general": (SectionProperties, ("area", "i_y", "i_z", "torsion")),
 }
