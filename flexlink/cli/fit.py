@@ -93,10 +93,8 @@ def run_command(options: argparse.Namespace) -> int:
             found = check_fit(problem)
         else:
             try:
-                found = fit(
-                    problem, starts=options.starts, profile=options.profile, grid=options.grid, progress=bar.report,
-                    bar=bar,
-                )  # fmt: skip
+                how = {"starts": options.starts, "profile": options.profile, "grid": options.grid}
+                found = fit(problem, **how, progress=bar.report, bar=bar)
             except IdentifiabilityError as error:
                 assert isinstance(error.check, Check)
                 found = error.check
@@ -108,8 +106,10 @@ def run_command(options: argparse.Namespace) -> int:
 def _report(found: Check | Fitted, problem: FitProblem, options: argparse.Namespace) -> int:
     """Print the result, then the proposals, and write its page on request."""
     command, out, proposals = shlex.join(["flexlink", *sys.argv[1:]]), options.out, None
-    if not options.json:
-        _print(found)
+    if not options.json and isinstance(found, Fitted):
+        _print_fit(found)
+    elif not options.json and isinstance(found, Check):
+        _print_check(found)
     if options.propose:
         proposals = propose(found if isinstance(found, Fitted) else problem, options.experiments)
     if options.json:
@@ -124,13 +124,6 @@ def _report(found: Check | Fitted, problem: FitProblem, options: argparse.Namesp
     if page is not None:
         print_path("page", page.page)
     return 0 if found.passed and not (isinstance(found, Check) and found.coarse) else 1
-
-
-def _print(found: Check | Fitted) -> None:
-    if isinstance(found, Fitted):
-        _print_fit(found)
-    else:
-        _print_check(found)
 
 
 def _print_check(check: Check) -> None:

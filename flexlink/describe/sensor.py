@@ -255,11 +255,9 @@ def _on_a_jump(x: float, link: Link, table: Rigidity) -> Iterator[Diagnostic]:
     """Report a gauge at a jump of EI, where the strain is ambiguous."""
     jump, aside = table.jump_at(x, link.flex), 1e-3 * link.beam.length
     if jump is not None:
-        yield Diagnostic(
-            f"x = {x!r}: EI of link {link.name!r}, and so the strain, jumps there; move the gauge to one side, such as "
-            f"x = {jump - aside:.6g} or {jump + aside:.6g}",
-            "gauge-on-jump",
-        )
+        remedy = f"move the gauge to one side, such as x = {jump - aside:.6g} or {jump + aside:.6g}"
+        text = f"EI of link {link.name!r}, and so the strain, jumps there; {remedy}"
+        yield Diagnostic(f"x = {x!r}: {text}", "gauge-on-jump")
 
 
 def is_on_base(sensor: Sensor, arm: Arm) -> bool:
