@@ -11,15 +11,13 @@ flexlink fit viscous.toml stribeck.toml --folds
 from __future__ import annotations
 
 import argparse
-import shlex
-import sys
 from pathlib import Path
 from typing import get_args
 
 import numpy as np
 from msgspec.structs import replace
 
-from flexlink.cli.shared import prefix_errors, print_hints, print_lines, print_path, varied
+from flexlink.cli.shared import command_line, prefix_errors, print_hints, print_lines, print_path, varied
 from flexlink.common.errors import ArgumentError, Diagnostic, IdentifiabilityError
 from flexlink.common.output import make_folder, or_keep, write_text
 from flexlink.common.progress import Progress
@@ -105,7 +103,7 @@ def run_command(options: argparse.Namespace) -> int:
 
 def _report(found: Check | Fitted, problem: FitProblem, options: argparse.Namespace) -> int:
     """Print the result, then the proposals, and write its page on request."""
-    command, out, proposals = shlex.join(["flexlink", *sys.argv[1:]]), options.out, None
+    command, out, proposals = command_line(), options.out, None
     if not options.json and isinstance(found, Fitted):
         _print_fit(found)
     elif not options.json and isinstance(found, Check):

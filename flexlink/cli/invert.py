@@ -11,15 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flexlink.cli.shared import (
-    prefix_errors,
-    print_lines,
-    print_path,
-    require_picture,
-    require_scene_file,
-    save_plot,
-    varied_scene,
-)
+from flexlink.cli import shared
 from flexlink.common.types import Array
 from flexlink.motion.inversion import Inversion, ShapedMove, invert
 
@@ -41,14 +33,14 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run_command(options: argparse.Namespace) -> int:
     """Print pre-actuation, torques and errors beside those of a shaped move; 1 if the tip misses the tolerance."""
-    scene = varied_scene(options.scene, options)
+    scene = shared.varied_scene(options.scene, options)
     if options.out is not None:
-        require_scene_file(options.out)
-    require_picture(options.plot)
-    with prefix_errors(options.scene):
+        shared.require_scene_file(options.out)
+    shared.require_picture(options.plot)
+    with shared.prefix_errors(options.scene):
         found = invert(scene, options.tip, duration=options.duration, tolerance=options.tolerance)
         beside = found.shaped(options.shaper)
-    print_lines("warning", found.warnings)
+    shared.print_lines("warning", found.warnings)
     largest = np.abs(found.torques).max(axis=0)
     if options.json:
         options.document = _document(found, beside, options.shaper, largest)
@@ -56,9 +48,9 @@ def run_command(options: argparse.Namespace) -> int:
         _print(found, beside, options.shaper, largest)
     if options.out is not None:
         found.scene.save(options.out)
-        print_path("scene", options.out)
+        shared.print_path("scene", options.out)
     if options.plot is not None:
-        save_plot(found.run.plot(), options.plot)
+        shared.save_plot(found.run.plot(), options.plot)
     return 0 if found.met else 1
 
 

@@ -52,18 +52,13 @@ def run_command(options: argparse.Namespace) -> int:
 
 def as_document(found: Loop, count: int) -> dict[str, object]:
     """The loop as numbers with units, for JSON."""
+    poles = [{"z": [p.z.real, p.z.imag], "frequency_hz": p.hertz, "motion": p.motion} for p in found.poles[:count]]
     return {
-        "stable": found.stable,
-        "growth": found.growth,
-        "rate_hz": found.rate,
-        "delay_s": found.delay,
-        "poles": [
-            {"z": [p.z.real, p.z.imag], "frequency_hz": p.hertz, "motion": p.motion} for p in found.poles[:count]
-        ],
+        "stable": found.stable, "growth": found.growth, "rate_hz": found.rate, "delay_s": found.delay, "poles": poles,
         "margins": [each._asdict() for each in found.margins],
         "largest_delay_s": found.largest("drive.delay") if found.rate else None,
         "largest_gain": found.largest("gain"),
-    }
+    }  # fmt: skip
 
 
 def _show(found: Loop, count: int) -> None:

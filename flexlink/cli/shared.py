@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import re
+import shlex
 import sys
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -130,6 +131,11 @@ def require_picture(path: Path | None) -> None:
         picture_format(path)
         require_writable(path)
         plotting()
+
+
+def command_line() -> str:
+    """The command that runs, as typed in a shell."""
+    return shlex.join(["flexlink", *sys.argv[1:]])
 
 
 def print_json(document: object) -> None:

@@ -16,17 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flexlink.cli.shared import (
-    prefix_errors,
-    print_lines,
-    print_notes,
-    print_path,
-    require_picture,
-    require_writable,
-    save_plot,
-    varied_scene,
-    with_ids,
-)
+from flexlink.cli import shared
 from flexlink.common.interruption import deferred, finish
 from flexlink.common.output import write_or_keep
 from flexlink.common.progress import Progress
@@ -77,20 +67,20 @@ def run_command(options: argparse.Namespace) -> int:
     changes = {path: value for path, value in settings.items() if value is not None}
     if options.plot is not None:
         changes["run.outputs"] = ("torques",)
-    scene = varied_scene(options.scene, options, changes)
+    scene = shared.varied_scene(options.scene, options, changes)
     if options.out is not None:
         output_format(options.out)
-        require_writable(options.out)
-    require_picture(options.plot)
-    with prefix_errors(options.scene):
+        shared.require_writable(options.out)
+    shared.require_picture(options.plot)
+    with shared.prefix_errors(options.scene):
         ready = SingleRun(problem_of(scene))  # compiles now, so signals act at once and run times are correct
-        print_notes(scene)
+        shared.print_notes(scene)
     with deferred() as stop, contextlib.ExitStack() as last:
         last.callback(finish)
         bar = Progress(scene.name)
         started = time.perf_counter()
         try:
-            with prefix_errors(options.scene):
+            with shared.prefix_errors(options.scene):
                 run = ready.finish(stop, bar, warn=lambda text: _warn(bar, text))
             seconds = time.perf_counter() - started
         except (DivergenceError, InterruptedRunError) as error:
@@ -110,19 +100,19 @@ def run_command(options: argparse.Namespace) -> int:
 def _warn(bar: Progress, text: str) -> None:
     """Print a warning during the run."""
     bar.clear()
-    print_lines("warning", [text])
+    shared.print_lines("warning", [text])
 
 
 def _deliver(run: Trajectory, options: argparse.Namespace) -> None:
     """Print warnings, and write the samples and the plot."""
-    print_lines("warning", run.warnings)
+    shared.print_lines("warning", run.warnings)
     if run.scene is not None:
-        print_lines("note", coarse_samples(run.scene, run))
+        shared.print_lines("note", coarse_samples(run.scene, run))
     if options.out is not None:
         write_or_keep(options.out, run.writer(options.out))
-        print_path("samples", options.out)
+        shared.print_path("samples", options.out)
     if options.plot is not None:
-        save_plot(run.plot(), options.plot)
+        shared.save_plot(run.plot(), options.plot)
 
 
 def _kept_in(options: argparse.Namespace) -> str:
@@ -134,7 +124,7 @@ def _document(run: Trajectory, seconds: float) -> dict[str, object]:
     return {
         "duration_s": run.t[-1] - run.t[0], "run_time_s": seconds, "tip_m": run.tip[-1], "tip_error_m": run.error,
         "energy_j": np.asarray(run.energy.total)[[0, -1]], "imbalance_j": np.abs(run.imbalance).max(),
-        "warnings": with_ids(run.warnings),
+        "warnings": shared.with_ids(run.warnings),
     }  # fmt: skip
 
 

@@ -13,7 +13,6 @@ from flexlink.describe.filters import Filter
 from flexlink.describe.numbers import check_table
 from flexlink.describe.reference import Reference
 from flexlink.describe.spec import (
-    ONE_PER_LINK,
     NonNegative,
     NonNegativePerLink,
     PerLink,
@@ -78,10 +77,10 @@ class Drive(Spec, frozen=True):
     """For a table, or a feedforward table of pd or cascade: a CSV file instead of `times` and `torques`, with headers
     "t [s]" and "tau NAME [N m]" for every driven joint. The path is relative to the scene's folder; the file is read
     once, with the scene."""
-    kp: Annotated[tuple[NonNegative, ...], ONE_PER_LINK] | None = None
+    kp: NonNegativePerLink | None = None
     """For a controller: position gains, one per link [N m/rad; N/m]; for computed_torque [1/s²]; for
     cascade [1/s]."""
-    kd: Annotated[tuple[NonNegative, ...], ONE_PER_LINK] | None = None
+    kd: NonNegativePerLink | None = None
     """For a controller: rate gains, one per link [N m s/rad; N s/m]; for computed_torque [1/s]."""
     target_deg: Annotated[PerLink | None, measured_in("deg")] = None
     """For a controller: target angles of the joints, one per link [deg]."""

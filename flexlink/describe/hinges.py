@@ -43,13 +43,19 @@ def _hinges_of(link: Link) -> tuple[Array, Array]:
     _check_root(link)
     if link.flex == "rigid":
         return np.empty(0), np.empty(0)
-    nodes, weights = _hinges(rule, link)
+    count = link.segments - 1
+    try:
+        nodes, weights = _placed(rule, count)
+    except ArgumentError as error:
+        default = ", the default," * (link.lumping == Link(name="any").lumping)
+        given = f"segments = {link.segments}, so {count} hinge{'s' * (count != 1)}"
+        raise SceneError(f"{given}: rule {link.lumping!r}{default} {error}") from None
     if nodes[0] == 0 and link.root_springs:
-        raise SceneError(
-            f"lumping = {link.lumping!r}: puts a hinge on the springs of root_stiffness, with no inertia between them; "
-            "use a rule without a hinge at the root, such as 'gauss' or 'gregory'",
-            id="hinge-without-inertia",
+        text = (
+            f"lumping = {link.lumping!r}: puts a hinge on the springs of root_stiffness, with no inertia between them"
         )
+        remedy = "use a rule without a hinge at the root, such as 'gauss' or 'gregory'"
+        raise SceneError(f"{text}; {remedy}", id="hinge-without-inertia")
     if nodes[0] == 0 and not link.joint.backs(link.hub):
         raise SceneError(f"lumping = {link.lumping!r}: puts a hinge on {_bare(link)}", id="hinge-without-inertia")
     if nodes[-1] == 1:
@@ -74,24 +80,9 @@ def _bare(link: Link) -> str:
     """End of a message: the joint or gear before the beam, with no inertia in between, and how to add inertia."""
     between = "with no inertia between the two"
     if link.joint.gear_stiffness is not None:
-        return (
-            f"the elastic gear, {between}: the armature is on the motor side; give the link a hub with inertia "
-            "about the joint's axis, or leave gear_stiffness out"
-        )
+        remedy = "give the link a hub with inertia about the joint's axis, or leave gear_stiffness out"
+        return f"the elastic gear, {between}: the armature is on the motor side; {remedy}"
     return f"the free joint, {between}; lock the joint, or give it an armature or a hub"
-
-
-def _hinges(rule: LumpingRule, link: Link) -> tuple[Array, Array]:
-    # name of the default rule, which the message marks as the default
-    default = Link(name="any").lumping
-    count = link.segments - 1
-    try:
-        return _placed(rule, count)
-    except ArgumentError as error:
-        name = f"{link.lumping!r}{', the default,' if link.lumping == default else ''}"
-        raise SceneError(
-            f"segments = {link.segments}, so {count} hinge{'s' * (count != 1)}: rule {name} {error}"
-        ) from None
 
 
 @functools.lru_cache(maxsize=64)

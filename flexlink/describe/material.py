@@ -278,11 +278,8 @@ def _along(m: float) -> float:
 
 
 SHEAR_FACTORS: dict[str, Callable[..., tuple[float, float]]] = {
-    "rectangle": _rectangle_factors,
-    "circle": _tube_factors,
-    "tube": _tube_factors,
-    "box": _box_factors,
-}
+    "rectangle": _rectangle_factors, "circle": _tube_factors, "tube": _tube_factors, "box": _box_factors,
+}  # fmt: skip
 """Shear correction factors κ for forces along y and z: shear stiffness κ G A (Cowper 1966, for ν = 0)."""
 BREADTHS = {
     "rectangle": ("width", "height"), "box": ("width", "height"), "circle": ("diameter", "diameter"),

@@ -125,10 +125,8 @@ class ReferenceTrajectory:
 
     @functools.cached_property
     def _extremes(self) -> tuple[Array, Array]:
-        c = (
-            self.coefficients[:-1]
-            * np.diff(self.knots)[:, None, None] ** np.arange(self.coefficients.shape[1])[:, None]
-        )
+        lengths, powers = np.diff(self.knots)[:, None, None], np.arange(self.coefficients.shape[1])[:, None]
+        c = self.coefficients[:-1] * lengths**powers
         at_knots = np.concatenate([self.coefficients[:, 0], c.sum(axis=1)])  # values at both ends of each piece
         low, high = at_knots.min(axis=0), at_knots.max(axis=0)
         hull = np.einsum("ij,kjd->kid", _to_bernstein(c.shape[1] - 1), c)  # these numbers bound all values of a piece

@@ -82,11 +82,9 @@ class _Explained(msgspec.StructMeta):
 
 def _refuse_to_change(part: object, name: str, value: object) -> None:
     kind = type(part).__name__
-    raise ArgumentError(
-        f"{kind}.{name} = {truncated(value)}: scenes and their parts cannot be changed in place; scene.varied returns "
-        "one with other values, such as scene.varied({'tip.mass': 2.0})",
-        id="unchangeable",
-    )
+    remedy = "scene.varied returns one with other values, such as scene.varied({'tip.mass': 2.0})"
+    why = f"scenes and their parts cannot be changed in place; {remedy}"
+    raise ArgumentError(f"{kind}.{name} = {truncated(value)}: {why}", id="unchangeable")
 
 
 class Spec(

@@ -8,16 +8,7 @@ from collections.abc import Iterator, Sequence
 from flexlink.common.errors import Diagnostic
 from flexlink.common.memo import keep_last
 from flexlink.describe.material import BREADTHS
-from flexlink.describe.plausibility.loads import (
-    Situation,
-    of_bodies,
-    of_gravity,
-    of_joints,
-    of_loads,
-    of_masses,
-    of_places,
-    situation_of,
-)
+from flexlink.describe.plausibility import loads
 from flexlink.describe.plausibility.sizes import hint_if_outside, largest_dimension, of_materials, of_sections, shown
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
@@ -37,17 +28,17 @@ def hints(scene: Scene) -> tuple[Diagnostic, ...]:
 
 
 def _hints(scene: Scene) -> Iterator[Diagnostic]:
-    arm, about = scene.arm, situation_of(scene)
-    causes = [*of_materials(arm), *of_sections(arm), *of_gravity(scene), *of_places(scene, about)]
-    causes += of_masses(scene, about)
+    arm, about = scene.arm, loads.situation_of(scene)
+    causes = [*of_materials(arm), *of_sections(arm), *loads.of_gravity(scene), *loads.of_places(scene, about)]
+    causes += loads.of_masses(scene, about)
     yield from causes
-    yield from of_bodies(scene, about)
+    yield from loads.of_bodies(scene, about)
     yield from of_angles(scene)
     yield from of_times(scene, about)
     yield from of_sensors(scene)
     if not causes:  # these hints depend on the numbers checked above
-        loads = list(of_loads(scene, about))
-        yield from loads or of_joints(scene, about)
+        strained = list(loads.of_loads(scene, about))
+        yield from strained or loads.of_joints(scene, about)
 
 
 def of_sensors(scene: Scene) -> Iterator[Diagnostic]:
@@ -123,7 +114,7 @@ def _looks_like_radians(value: float, coarse: int = 90) -> bool:
     return nearest > 0 and abs(abs(value) - nearest) <= 1.1 * 10.0**-decimals
 
 
-def of_times(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
+def of_times(scene: Scene, about: loads.Situation) -> Iterator[Diagnostic]:
     """Hints on tables much longer than the run, on late drives, and on tolerances large for the arm's reach."""
     run, reference = scene.run, scene.drive.reference
     durations = {"run.duration": run.duration, "drive.reference.duration": (reference and reference.duration) or 0.0}

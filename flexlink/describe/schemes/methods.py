@@ -209,11 +209,9 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
             raise self._refused("stages", f"c has {stages}", "method-stages")
         lengths = [len(row) for row in self.A]
         if len(self.b) != stages or lengths not in (list(range(stages)), [stages] * stages):
-            raise SceneError(
-                f"A, b, c: {stages} stages need {stages} numbers in b, and in the rows of A 0, 1, …, {stages - 1} "
-                f"(explicit) or {stages} each (implicit)",
-                id="method-coefficients",
-            )
+            rows = f"0, 1, …, {stages - 1} (explicit) or {stages} each (implicit)"
+            text = f"{stages} stages need {stages} numbers in b, and in the rows of A {rows}"
+            raise SceneError(f"A, b, c: {text}", id="method-coefficients")
         for x in chain(self.b, self.c, *self.A):
             _check_number("A, b, c", x)
         msgspec.structs.force_setattr(self, "stages", stages)
@@ -259,11 +257,9 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
                 _check_number(f"dense_stages[{i}]", x)
         for i, row in enumerate(self.dense_rows):
             if len(row) != before + self.more_stages:
-                raise SceneError(
-                    f"dense[{i}] has {len(row)} weights: expected {before + self.more_stages}, one per stage, one for "
-                    "q̈ at the end of the step, and one per row of dense_stages",
-                    id="method-dense-output",
-                )
+                each = "one per stage, one for q̈ at the end of the step, and one per row of dense_stages"
+                text = f"dense[{i}] has {len(row)} weights: expected {before + self.more_stages}, {each}"
+                raise SceneError(text, id="method-dense-output")
             _check_differences(f"dense[{i}]", row)
 
 
