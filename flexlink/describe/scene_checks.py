@@ -34,10 +34,7 @@ def wrong_lists(arm: Arm, initial: InitialState, drive: Drive) -> Iterator[Diagn
     }
     per_link |= {f"drive.torques[{k}]": row for k, row in enumerate(drive.torques or ())}
     per_link |= {f"drive.reference.{key}": row for key, row in reference.items() if len(row) == len(links)}
-    allowed_for_locked = {
-        "initial.joint_deg", "initial.joint_m", "drive.target_deg", "drive.target_m", "drive.effort",
-        "drive.max_rate_deg", "drive.max_rate_m",
-    }  # fmt: skip
+    allowed_for_locked = "initial.joint_", "drive.target_", "drive.effort", "drive.max_rate_"
     fitting = {}
     for key, values in per_link.items():
         if values is None:
@@ -47,7 +44,7 @@ def wrong_lists(arm: Arm, initial: InitialState, drive: Drive) -> Iterator[Diagn
             continue
         fitting[key] = values
         for k, link in enumerate(links if not key.startswith("drive.reference.") else ()):
-            if link.joint.locked and values[k] and key not in allowed_for_locked:
+            if link.joint.locked and values[k] and not key.startswith(allowed_for_locked):
                 path = f"{arm.path(k + 1, key)} = {values[k]!r}"
                 yield Diagnostic(f"{path}: the joint of {link.name!r} is locked; must be 0", "locked-and-moving")
     for k, key, wrong in misplaced(arm.slides, [link.name for link in links], fitting):

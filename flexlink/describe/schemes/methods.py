@@ -122,10 +122,7 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
     @functools.cached_property
     def error(self) -> Array:
         """Error weights of an explicit method for its stages and for q̈ at the end of the step, shape (rows, s + 1)."""
-        weights = np.zeros((len(self.error_rows), self.stages + 1))
-        for row, given in zip(weights, self.error_rows, strict=True):
-            row[: len(given)] = float64([Fraction(x) for x in given])
-        return weights
+        return _padded(self.error_rows, self.stages + 1)
 
     @property
     def more_stages(self) -> int:
@@ -141,9 +138,7 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
         """
         if not self.dense_rows:
             return None
-        A = np.zeros((self.more_stages, self.stages + 1 + self.more_stages))
-        for row, given in zip(A, self.dense_stages, strict=True):
-            row[: len(given)] = float64([Fraction(x) for x in given])
+        A = _padded(self.dense_stages, self.stages + 1 + self.more_stages)
         c = float64([sum(map(Fraction, row), Fraction(0)) for row in self.dense_stages])
         own, b, _ = self.exact
         rows = [[Fraction(x) for x in row] for row in self.dense_rows]
@@ -266,6 +261,11 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
 def method(name: str) -> Method:
     """Load a built-in method ("RK4", "Radau5", …), or the user's TOML file."""
     return data_files.load("methods", "method", name, Method)
+
+
+def _padded(rows: tuple[tuple[str, ...], ...], columns: int) -> Array:
+    """Rows of numbers in a table, with zeros behind them."""
+    return float64([[*map(Fraction, row), *[Fraction(0)] * (columns - len(row))] for row in rows]).reshape(-1, columns)
 
 
 def _check_differences(name: str, row: tuple[str, ...]) -> None:
