@@ -123,8 +123,8 @@ def _identified(nodes: Iterable[ast.AST]) -> Iterator[tuple[str, str]]:
     """
     for node in nodes:
         if isinstance(node, ast.Call) and ast.unparse(node.func) in {"self._refused", "missing"}:
-            key, why, *given = node.args
-            name, form = ("missing-key", ": missing; ") if not given else (ast.literal_eval(given[0]), " = …: ")
+            key, why, *rest = node.args
+            name, form = ("missing-key", ": missing; ") if not rest else (ast.literal_eval(rest[0]), " = …: ")
             yield name, f"{_template(key)}{form}{_template(why)}"
         elif isinstance(node, ast.Call):
             named = [given.value for given in node.keywords if given.arg == "id"]

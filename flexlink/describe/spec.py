@@ -201,7 +201,7 @@ def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) 
 def check_keys(raw: Mapping[str, Any], allowed: Iterable[str], required: Iterable[str]) -> None:
     """Check the top-level keys of a parsed file."""
     for wrong in key_mistakes(raw, list(allowed), required):
-        raise SceneError(wrong)
+        raise SceneError(wrong, id=wrong.id)
 
 
 def key_mistakes(
