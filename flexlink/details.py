@@ -1,4 +1,4 @@
-"""Details of a description that few scenes need: Denavit-Hartenberg parameters, root springs, a free base, filters."""
+"""Details of a description that few scenes need: Denavit-Hartenberg parameters, root springs, a base state, filters."""
 
 from flexlink.describe.drive import DriveFilter
 from flexlink.describe.filters import Filter

@@ -30,20 +30,10 @@ from flexlink.results.stop_reasons import (
 )
 
 __all__ = [
-    "ArgumentError",
-    "ControlError",
-    "ConvergenceError",
-    "DataFileError",
-    "DivergenceError",
-    "EngineError",
-    "IdentifiabilityError",
-    "InterruptedRunError",
-    "MissingDependencyError",
-    "OutputError",
-    "SceneError",
-    "SingularMassError",
-    "UnstableStepError",
-]
+    "ArgumentError", "ControlError", "ConvergenceError", "DataFileError", "DivergenceError", "EngineError",
+    "IdentifiabilityError", "InterruptedRunError", "MissingDependencyError", "OutputError", "SceneError",
+    "SingularMassError", "UnstableStepError",
+]  # fmt: skip
 
 
 def __getattr__(name: str) -> object:

@@ -9,19 +9,9 @@ from flexlink.identification.problem import FitFrf, FitModes, FitParameter, FitP
 from flexlink.identification.propose import propose
 
 __all__ = [
-    "Experiments",
-    "FitFrf",
-    "FitModes",
-    "FitParameter",
-    "FitProblem",
-    "FitRun",
-    "FitStatic",
-    "check_fit",
-    "compare_fits",
-    "folds",
-    "frequency_response",
-    "propose",
-]
+    "Experiments", "FitFrf", "FitModes", "FitParameter", "FitProblem", "FitRun", "FitStatic", "check_fit",
+    "compare_fits", "folds", "frequency_response", "propose",
+]  # fmt: skip
 
 
 def __getattr__(name: str) -> object:

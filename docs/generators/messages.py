@@ -72,7 +72,8 @@ def texts() -> dict[str, set[str]]:
     """Texts of errors, warnings and notes in the source, by id, with … for every value."""
     found: dict[str, set[str]] = {}
     for path in sorted(LIBRARY.rglob("*.py")):
-        for name, text in _identified(ast.walk(ast.parse(path.read_text(encoding="utf-8")))):
+        tree = _Said().visit(ast.parse(path.read_text(encoding="utf-8")))
+        for name, text in _identified(ast.walk(tree)):
             if not name:
                 continue
             found.setdefault(name, set())
@@ -85,10 +86,47 @@ def texts() -> dict[str, set[str]]:
     return found
 
 
+class _Said(ast.NodeTransformer):
+    """Put texts in the places of the names to which they are assigned above, in the same function."""
+
+    def __init__(self) -> None:
+        self.said: dict[str, ast.expr] = {}
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
+        """Names of other functions mean something else."""
+        outer, self.said = self.said, {}
+        self.generic_visit(node)
+        self.said = outer
+        return node
+
+    def visit_Assign(self, node: ast.Assign) -> ast.AST:
+        """Note a text."""
+        self.generic_visit(node)
+        text = isinstance(node.value, ast.JoinedStr) or isinstance(getattr(node.value, "value", None), str)
+        if isinstance(node.targets[0], ast.Name) and text:
+            self.said[node.targets[0].id] = node.value
+        return node
+
+    def visit_FormattedValue(self, node: ast.FormattedValue) -> ast.AST:
+        """A text in a text."""
+        return self.said.get(node.value.id, node) if isinstance(node.value, ast.Name) else node
+
+    def visit_Name(self, node: ast.Name) -> ast.AST:
+        """A text as an argument."""
+        return self.said.get(node.id, node) if isinstance(node.ctx, ast.Load) else node
+
+
 def _identified(nodes: Iterable[ast.AST]) -> Iterator[tuple[str, str]]:
-    """Ids and texts of calls with `id="…"`, of `Diagnostic(text, "id")`, and of classes of errors with an id."""
+    """Ids and texts of calls with `id="…"`, of `Diagnostic(text, "id")`, and of classes of errors with an id.
+
+    Also of `_refused(key, why, "id")`, and of `missing(key, why)`.
+    """
     for node in nodes:
-        if isinstance(node, ast.Call):
+        if isinstance(node, ast.Call) and ast.unparse(node.func) in {"self._refused", "missing"}:
+            key, why, *rest = node.args
+            name, form = ("missing-key", ": missing; ") if not rest else (ast.literal_eval(rest[0]), " = …: ")
+            yield name, f"{_template(key)}{form}{_template(why)}"
+        elif isinstance(node, ast.Call):
             named = [given.value for given in node.keywords if given.arg == "id"]
             place = {"Diagnostic": 1, "Finding": 3}.get(ast.unparse(node.func))
             named += [] if place is None else node.args[place : place + 1]

@@ -55,11 +55,6 @@ class FlexlinkSolver:
         n_frames
             Number of frames, evenly spaced from 0 to the scenario's duration; for an equilibrium, frames after the
             first are equal.
-
-        Raises
-        ------
-        NotImplementedError
-            The scenario has contact, several rods, or a rod that is not held at its start only.
         """
         rod = _only_rod(scenario)
         axes = _axes(rod, scenario)
@@ -125,20 +120,14 @@ def _scene(rod: Rod, scenario: Scenario, axes: Array, hinges: int, frames: int, 
         name="rod", joint=fl.Joint(locked=clamped), length=rod.length, flex="z", segments=hinges + 1,
         lumping=rule_of(hinges), shear=True, stretch=True, material="rod", section="rod",
     )  # fmt: skip
-    force = tuple((axes @ _force(rod)).tolist())
+    material = fl.Material(young=E, poisson=E / (2 * G) - 1, density=rod.material.density)
+    section = fl.Section(shape="circle", diameter=2 * rod.radius)
+    gravity, force = (tuple((axes @ each).tolist()) for each in (scenario.gravity, _force(rod)))
+    duration = scenario.duration
     return fl.Scene(
-        name="rod",
-        arm=fl.Arm(
-            links=(link,),
-            materials={"rod": fl.Material(young=E, poisson=E / (2 * G) - 1, density=rod.material.density)},
-            sections={"rod": fl.Section(shape="circle", diameter=2 * rod.radius)},
-        ),
-        gravity=tuple((axes @ scenario.gravity).tolist()),
-        wrench=fl.Wrench(force=force),
-        initial=fl.InitialState(joint_deg=(0.0,)),
-        run=fl.RunSettings(
-            tolerance=tolerance * rod.length, duration=scenario.duration, sample=scenario.duration / (frames - 1)
-        ),
+        name="rod", arm=fl.Arm(links=(link,), materials={"rod": material}, sections={"rod": section}),
+        gravity=gravity, wrench=fl.Wrench(force=force), initial=fl.InitialState(joint_deg=(0.0,)),
+        run=fl.RunSettings(tolerance=tolerance * rod.length, duration=duration, sample=duration / (frames - 1)),
     )  # fmt: skip
 
 

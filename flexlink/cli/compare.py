@@ -26,19 +26,18 @@ MANY_STEPS = 50_000
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `compare`."""
-    command.add_argument("scene", type=Path, help="scene file (.toml)")
-    command.add_argument(
+    add = command.add_argument
+    add("scene", type=Path, help="scene file (.toml)")
+    add(
         "--engines", nargs="+",
         help="pinocchio, mujoco, drake, exudyn; default: pinocchio and mujoco, with --file the engine of its format, "
         "with --trajectory all",
     )  # fmt: skip
-    command.add_argument("--file", type=Path, help="find what is wrong in this MJCF, URDF or SDF file of the same arm")
-    command.add_argument("--samples", type=int, help="number of random states; default: 200")
-    command.add_argument("--seed", type=int, help="seed of the random states; default: 0")
-    command.add_argument(
-        "--trajectory", action="store_true", help="compare a run of the scene with the same run of every engine"
-    )
-    command.add_argument("--duration", type=float, help="with --trajectory: simulated time [s]; default: the scene's")
+    add("--file", type=Path, help="find what is wrong in this MJCF, URDF or SDF file of the same arm")
+    add("--samples", type=int, help="number of random states; default: 200")
+    add("--seed", type=int, help="seed of the random states; default: 0")
+    add("--trajectory", action="store_true", help="compare a run of the scene with the same run of every engine")
+    add("--duration", type=float, help="with --trajectory: simulated time [s]; default: the scene's")
 
 
 def run_command(options: argparse.Namespace) -> int:

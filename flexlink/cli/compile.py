@@ -28,11 +28,10 @@ from flexlink.kernels.tools.machine_code import families_here, here
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `compile`."""
-    command.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes; default: one per core")
-    command.add_argument(
-        "--out", type=Path, metavar="FOLDER", help="folder for the code, to package it; default: the user's cache"
-    )
-    command.add_argument(
+    add = command.add_argument
+    add("--jobs", type=int, default=os.cpu_count() or 1, help="processes; default: one per core")
+    add("--out", type=Path, metavar="FOLDER", help="folder for the code, to package it; default: the user's cache")
+    add(
         "--cpu", action="append", metavar="FAMILY",
         help=f"compile for a processor family, {', '.join(FAMILIES)}, with --out; default: this one; may be repeated",
     )  # fmt: skip
@@ -47,9 +46,8 @@ def run_command(options: argparse.Namespace) -> int:
     for cpu in cpus:
         if cpu and (options.out is None or cpu not in families_here()):
             allowed = ", ".join(families_here()) or "none"
-            raise ArgumentError(
-                f"--cpu = {cpu}: expected a family of this processor, {allowed}, and --out", id="unknown-processor"
-            )
+            text = f"--cpu = {cpu}: expected a family of this processor, {allowed}, and --out"
+            raise ArgumentError(text, id="unknown-processor")
         _compile(cpu, options.out, options.jobs)
     if options.out is None:
         done_before().touch()

@@ -23,9 +23,7 @@ def run_command(options: argparse.Namespace) -> int:
     try:
         import shtab  # noqa: PLC0415  optional
     except ImportError:
-        raise MissingDependencyError(
-            f"shell completion needs shtab; install it with: {how_to_install('completion')}",
-            id="package-missing",
-        ) from None
+        text = f"shell completion needs shtab; install it with: {how_to_install('completion')}"
+        raise MissingDependencyError(text, id="package-missing") from None
     print(shtab.complete(build_parser(), shell=options.shell))
     return 0

@@ -38,9 +38,8 @@ def run_command(options: argparse.Namespace) -> int:
     for path, text in texts.items():
         there = options.out / path
         if there.exists() and (not there.is_file() or there.read_text(encoding="utf-8", errors="replace") != text):
-            raise ArgumentError(
-                f"{there}: exists, with other content; move it, or name another folder by --out", id="file-exists"
-            )
+            why = f"{there}: exists, with other content; move it, or name another folder by --out"
+            raise ArgumentError(why, id="file-exists")
     for path, text in texts.items():
         there = options.out / path
         make_folder(there.parent)
@@ -65,11 +64,8 @@ def _wanted(names: list[str], files: dict[str, Path]) -> list[str]:
         found = {path for path in files if name == "all" or _is_named(path, name.rstrip("/"))}
         if not found:
             known = [*dict.fromkeys(PurePosixPath(path).stem for path in files), *files]
-            raise ArgumentError(
-                f"name = {truncated(name)}: no such script, scene or folder{did_you_mean(name, known)}; "
-                "`flexlink examples` lists them",
-                id="unknown-name",
-            )
+            text = f"name = {truncated(name)}: no such script, scene or folder{did_you_mean(name, known)}"
+            raise ArgumentError(f"{text}; `flexlink examples` lists them", id="unknown-name")
         wanted |= found
     while more := {path for path in files if any(_reads(files[one], path) for one in wanted)} - wanted:
         wanted |= more

@@ -32,18 +32,15 @@ from flexlink.results.files import ending
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `export`."""
-    command.add_argument("scenes", type=Path, nargs="+", help="scene files (.toml)")
-    command.add_argument("--format", choices=FORMATS, action="append", help="may be repeated; default: all")
-    command.add_argument(
-        "--out", type=Path, default=Path(), help="output folder, created if missing; default: the current one"
-    )
-    command.add_argument("--c", type=Path, metavar="FILE", help="write the equations of motion as C code (.c)")
-    command.add_argument("--slopes", action="store_true", help="with --c: also write the derivatives of the rates")
-    command.add_argument("--casadi", type=Path, metavar="FILE", help="write them as Python code for CasADi (.py)")
-    command.add_argument(
-        "--strict", action="store_true", help="write nothing if a format cannot represent every feature of the scene"
-    )
-    command.add_argument(
+    add = command.add_argument
+    add("scenes", type=Path, nargs="+", help="scene files (.toml)")
+    add("--format", choices=FORMATS, action="append", help="may be repeated; default: all")
+    add("--out", type=Path, default=Path(), help="output folder, created if missing; default: the current one")
+    add("--c", type=Path, metavar="FILE", help="write the equations of motion as C code (.c)")
+    add("--slopes", action="store_true", help="with --c: also write the derivatives of the rates")
+    add("--casadi", type=Path, metavar="FILE", help="write them as Python code for CasADi (.py)")
+    add("--strict", action="store_true", help="write nothing if a format cannot represent every feature of the scene")
+    add(
         "--small-mass", type=float, metavar="KG",
         help="mass [kg] for massless links, which some programs refuse; prints the effect on the motion",
     )  # fmt: skip
@@ -64,9 +61,8 @@ def run_command(options: argparse.Namespace) -> int:
         for name in _formats(options):
             target = options.out / (path.stem + FORMATS[name].ending)
             if target in texts:
-                raise ArgumentError(
-                    f"{path}: {target} would overwrite another scene's file; export one at a time", id="would-overwrite"
-                )
+                why = f"{path}: {target} would overwrite another scene's file; export one at a time"
+                raise ArgumentError(why, id="would-overwrite")
             with prefix_errors(path):
                 notes += _missing(target, scene, chain, name, strict=options.strict)
                 texts[target] = FORMATS[name].write(chain, **({"initial": state} if FORMATS[name].keyframe else {}))
@@ -90,10 +86,8 @@ def _code_writers(options: argparse.Namespace) -> dict[Path, Callable[[Chain], s
     """Writers of the requested code files, by path."""
     both = (options.c, functools.partial(to_c, slopes=options.slopes)), (options.casadi, to_casadi)
     if options.out.suffix in OF_ENGINES and not options.out.exists():
-        raise ArgumentError(
-            f"--out {options.out}: files are named after the scenes; give their folder, --out {options.out.parent}",
-            id="unknown-format",
-        )
+        text = f"--out {options.out}: files are named after the scenes; give their folder, --out {options.out.parent}"
+        raise ArgumentError(text, id="unknown-format")
     for path, end, what in ((options.c, ".c", "C code"), (options.casadi, ".py", "code for CasADi")):
         if path is not None:
             ending(path, (end,), what)
@@ -120,9 +114,8 @@ def _missing(target: Path, scene: Scene, chain: Chain, format: str, *, strict: b
     """Return a note on what a format cannot represent; with `--strict`, raise an error."""
     missing = unsupported(scene, chain, format=format)
     if missing and strict:
-        raise ArgumentError(
-            f"--strict: {format} cannot represent {', '.join(missing)}; no file written", id="not-representable"
-        )
+        text = f"--strict: {format} cannot represent {', '.join(missing)}; no file written"
+        raise ArgumentError(text, id="not-representable")
     return [storage_note(target, missing, format=format)] if missing else []
 
 

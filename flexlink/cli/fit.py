@@ -11,15 +11,13 @@ flexlink fit viscous.toml stribeck.toml --folds
 from __future__ import annotations
 
 import argparse
-import shlex
-import sys
 from pathlib import Path
 from typing import get_args
 
 import numpy as np
 from msgspec.structs import replace
 
-from flexlink.cli.shared import prefix_errors, print_hints, print_lines, print_path, varied
+from flexlink.cli.shared import command_line, prefix_errors, print_hints, print_lines, print_path, varied
 from flexlink.common.errors import ArgumentError, Diagnostic, IdentifiabilityError
 from flexlink.common.output import make_folder, or_keep, write_text
 from flexlink.common.progress import Progress
@@ -39,50 +37,36 @@ from flexlink.pages.tables import Table
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `fit`."""
-    command.add_argument(
-        "problem", type=Path, nargs="+", help="problem file (.toml); several with the same data are compared"
-    )
-    command.add_argument(
-        "--check",
-        action="store_true",
+    add = command.add_argument
+    add("problem", type=Path, nargs="+", help="problem file (.toml); several with the same data are compared")
+    add(
+        "--check", action="store_true",
         help="only check identifiability and segments, without fitting; exit with 1 if it fails",
-    )
-    command.add_argument(
-        "--propose",
-        action="store_true",
+    )  # fmt: skip
+    add(
+        "--propose", action="store_true",
         help="rank experiments by how much they would narrow the widest interval, at the solution, or with --check at "
         "the initial guess",
-    )
-    command.add_argument(
-        "--experiments",
-        type=Path,
-        metavar="FILE",
+    )  # fmt: skip
+    add(
+        "--experiments", type=Path, metavar="FILE",
         help="TOML file of experiments for --propose, in addition to the built-in ones",
-    )
-    command.add_argument(
-        "--out",
-        type=Path,
-        metavar="FOLDER",
+    )  # fmt: skip
+    add(
+        "--out", type=Path, metavar="FOLDER",
         help="folder for the report, fitted.toml, fit.json and tables; also with --check",
-    )
-    command.add_argument("--starts", type=int, default=1, metavar="N", help="number of initial guesses; default: 1")
-    command.add_argument(
-        "--profile",
-        action="store_true",
+    )  # fmt: skip
+    add("--starts", type=int, default=1, metavar="N", help="number of initial guesses; default: 1")
+    add(
+        "--profile", action="store_true",
         help="compute intervals by profile likelihood, with all other parameters refitted",
-    )
-    command.add_argument(
-        "--grid",
-        choices=get_args(Grid),
-        default="check",
+    )  # fmt: skip
+    add(
+        "--grid", choices=get_args(Grid), default="check",
         help="errors due to the number of segments: check (estimate them; default), auto (take enough segments), "
         "ignore (for data simulated with the same segments)",
-    )
-    command.add_argument(
-        "--folds",
-        action="store_true",
-        help="leave out each run in turn, and predict it by a fit of the others",
-    )
+    )  # fmt: skip
+    add("--folds", action="store_true", help="leave out each run in turn, and predict it by a fit of the others")
 
 
 def run_command(options: argparse.Namespace) -> int:
@@ -107,10 +91,8 @@ def run_command(options: argparse.Namespace) -> int:
             found = check_fit(problem)
         else:
             try:
-                found = fit(
-                    problem, starts=options.starts, profile=options.profile, grid=options.grid, progress=bar.report,
-                    bar=bar,
-                )  # fmt: skip
+                how = {"starts": options.starts, "profile": options.profile, "grid": options.grid}
+                found = fit(problem, **how, progress=bar.report, bar=bar)
             except IdentifiabilityError as error:
                 assert isinstance(error.check, Check)
                 found = error.check
@@ -121,9 +103,11 @@ def run_command(options: argparse.Namespace) -> int:
 
 def _report(found: Check | Fitted, problem: FitProblem, options: argparse.Namespace) -> int:
     """Print the result, then the proposals, and write its page on request."""
-    command, out, proposals = shlex.join(["flexlink", *sys.argv[1:]]), options.out, None
-    if not options.json:
-        _print(found)
+    command, out, proposals = command_line(), options.out, None
+    if not options.json and isinstance(found, Fitted):
+        _print_fit(found)
+    elif not options.json and isinstance(found, Check):
+        _print_check(found)
     if options.propose:
         proposals = propose(found if isinstance(found, Fitted) else problem, options.experiments)
     if options.json:
@@ -138,13 +122,6 @@ def _report(found: Check | Fitted, problem: FitProblem, options: argparse.Namesp
     if page is not None:
         print_path("page", page.page)
     return 0 if found.passed and not (isinstance(found, Check) and found.coarse) else 1
-
-
-def _print(found: Check | Fitted) -> None:
-    if isinstance(found, Fitted):
-        _print_fit(found)
-    else:
-        _print_check(found)
 
 
 def _print_check(check: Check) -> None:

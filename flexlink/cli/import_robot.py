@@ -13,8 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from flexlink.cli.json_output import with_ids
-from flexlink.cli.shared import assignments, prefix_errors, print_hints, print_lines, require_scene_file, varied
+from flexlink.cli import shared
 from flexlink.common.errors import ArgumentError
 from flexlink.common.output import write_text
 from flexlink.data.documents import shown_path
@@ -29,38 +28,43 @@ from flexlink.robots.robot_file import read_robot
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `import`."""
-    command.add_argument("robot", help="URDF file, or the name of one that `flexlink robots` lists")
-    command.add_argument("--out", type=Path, help="scene file to write (.toml); default: print the arm only")
-    command.add_argument("--base", help="link where the arm begins; default: the root of the robot")
-    command.add_argument("--tip", action="append", help="end of a path, other joints are locked; may be repeated")
-    command.add_argument("--free-base", action="store_true", help="let the base float: a rigid body with mass")
+    add = command.add_argument
+    add("robot", help="URDF file, or the name of one that `flexlink robots` lists")
+    add("--out", type=Path, help="scene file to write (.toml); default: print the arm only")
+    add("--base", help="link where the arm begins; default: the root of the robot")
+    add("--tip", action="append", help="end of a path, other joints are locked; may be repeated")
+    add("--free-base", action="store_true", help="let the base float: a rigid body with mass")
     for option, form, text in (
         ("posture", "JOINT=DEG", "initial angle of a joint [deg], or position of a slide [m]"),
         ("locked", "JOINT=DEG", "lock a joint of the arm at this angle [deg], or a slide at this position [m]"),
         ("flexible", "LINK={…}", "make a link flexible: { section, material, mass, frequency_hz, line, segments, … }"),
         ("armature", "JOINT=I", "rotor inertia seen at the joint [kg m²; for a slide, kg]"),
     ):
-        command.add_argument(f"--{option}", action="append", default=[], metavar=form, help=f"{text}; may be repeated")
+        add(f"--{option}", action="append", default=[], metavar=form, help=f"{text}; may be repeated")
 
 
 def run_command(options: argparse.Namespace) -> int:
     """Import a robot, print what was done, and write the scene on request."""
     if options.out is not None:
-        require_scene_file(options.out)
+        shared.require_scene_file(options.out)
     source = Path(options.robot)
     by_name = source.name == options.robot and not (source.suffix or source.is_file())
     known = known_arm(options.robot) if by_name else KnownArm(file=options.robot)
     robot = read_robot(known.path if by_name else source)
     arguments = _arguments(robot, known, options)
-    with prefix_errors(source):
+    with shared.prefix_errors(source):
         imported = import_urdf(robot, **arguments)
-    scene, paths = varied(source, imported.scene, options.set), [text.partition("=")[0] for text in options.set]
+    scene, paths = shared.varied(source, imported.scene, options.set), [text.partition("=")[0] for text in options.set]
     doubts = tuple(each for each in imported.warnings if not any(path in each for path in paths))
-    options.document = {"scene": scene.to_toml(), "notes": with_ids(imported.notes), "warnings": with_ids(doubts)}
+    options.document = {
+        "scene": scene.to_toml(),
+        "notes": shared.with_ids(imported.notes),
+        "warnings": shared.with_ids(doubts),
+    }
     print(imported)
-    print_lines("warning", doubts)
+    shared.print_lines("warning", doubts)
     made = ("material.", "section.")  # equivalent beams of links that are made flexible
-    print_hints([hint for hint in hints(scene) if not hint.startswith(made)], options)
+    shared.print_hints([hint for hint in hints(scene) if not hint.startswith(made)], options)
     if options.out is None:
         print("no file written; add -o FILE.toml to write the scene")
     else:
@@ -71,7 +75,7 @@ def run_command(options: argparse.Namespace) -> int:
 
 def _arguments(robot: Robot, known: KnownArm, options: argparse.Namespace) -> dict[str, Any]:
     """Arguments of `import_urdf`, from a known arm, overridden by the command's options."""
-    flexible = assignments("--flexible", options.flexible, "'forearm={ frequency_hz = 12 }'")
+    flexible = shared.assignments("--flexible", options.flexible, "'forearm={ frequency_hz = 12 }'")
     return {
         "base": known.base if options.base is None else options.base,
         "tip": known.tip if options.tip is None else options.tip,
@@ -79,19 +83,19 @@ def _arguments(robot: Robot, known: KnownArm, options: argparse.Namespace) -> di
         "posture": known.posture | _positions(robot, "--posture", options.posture),
         "locked": known.locked | _positions(robot, "--locked", options.locked),
         "flexible": known.flexible | {k: decode(v, FlexibleLink, f"flexible.{k}") for k, v in flexible.items()},
-        "armature": assignments("--armature", options.armature, "elbow=0.1"),
+        "armature": shared.assignments("--armature", options.armature, "elbow=0.1"),
     }
 
 
 def _positions(robot: Robot, option: str, texts: Sequence[str]) -> dict[str, float]:
     """Positions by joint [rad, m], converted from option values in degrees and metres."""
     positions = {}
-    for name, value in assignments(option, texts, "elbow=90").items():
+    for name, value in shared.assignments(option, texts, "elbow=90").items():
         number = finite(value)
         if number is None:
-            raise ArgumentError(
-                f"{option} {name}={value}: expected a finite number [deg; m for a slide]", id="option-value"
-            )
-        slides = name in robot.joints and robot.joints[name].kind == "prismatic"
-        positions[name] = number if slides else math.radians(number)
+            text = f"{option} {name}={value}: expected a finite number [deg; m for a slide]"
+            raise ArgumentError(text, id="option-value")
+        joint = robot.joints.get(name)
+        in_metres = joint is not None and joint.moves and not joint.turns
+        positions[name] = number if in_metres else math.radians(number)
     return positions

@@ -20,9 +20,8 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import SPRINGS, Kind
 from flexlink.chain.lumping import lump
-from flexlink.cli.json_output import with_ids
 from flexlink.cli.modes import as_document, elastic_hertz, first_elastic, print_modes
-from flexlink.cli.shared import prefix_errors, print_notes, varied_scene
+from flexlink.cli.shared import prefix_errors, print_notes, varied_scene, with_ids
 from flexlink.common.types import Complex
 from flexlink.common.wording import plural, short_list
 from flexlink.describe import data_files
@@ -142,16 +141,16 @@ def _show_frequencies(about: Mapping[str, Any]) -> None:
 
 def _kind(chain: Chain, k: int) -> str:
     """Describe a joint by its spring or, for a driven joint, by its limits."""
-    slides = bool(chain.slides[k])
+    of_joint = chain.joint_kinds[k]
     if chain.coordinate(k).kind is Kind.BASE:
         return "of the free base"
     if chain.coordinate(k).kind is not Kind.JOINT:
         coupled = short_list(list(map(str, chain.coupled_joints[k])))
         turned = ", of a rotation vector" if chain.bodies["springs"][chain.body(k)] else ""
-        unit, more = "N/m" if slides else "N m/rad", f", coupled with {coupled}" if coupled else ""
-        return f"k = {chain.stiffness[k]:.6g} {unit}{turned}{more}"
+        more = f", coupled with {coupled}" if coupled else ""
+        return f"k = {chain.stiffness[k]:.6g} {of_joint.torque}/{of_joint.si}{turned}{more}"
     lower, upper = (chain.place_in_words(k, float(chain.hinges[side][k])) for side in ("lower", "upper"))
-    driven = "driven, slides" if slides else "driven"
+    driven = "driven" if of_joint.si == "rad" else f"driven, {of_joint.moves}"
     return f"{driven}, {lower} … {upper}" if np.isfinite(chain.hinges["lower"][k]) else driven
 
 

@@ -11,43 +11,36 @@ from pathlib import Path
 
 import numpy as np
 
-from flexlink.cli.shared import (
-    prefix_errors,
-    print_lines,
-    print_path,
-    require_picture,
-    require_scene_file,
-    save_plot,
-    varied_scene,
-)
+from flexlink.cli import shared
 from flexlink.common.types import Array
 from flexlink.motion.inversion import Inversion, ShapedMove, invert
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `invert`."""
-    command.add_argument("scene", type=Path, help="scene file (.toml) with drive kind pd; its reference is the move")
-    command.add_argument(
+    add = command.add_argument
+    add("scene", type=Path, help="scene file (.toml) with drive kind pd; its reference is the move")
+    add(
         "--tip", type=float, nargs=3, metavar=("X", "Y", "Z"),
         help="instead of the reference: point to which the tip moves along a straight line [m], frame 0",
     )  # fmt: skip
-    command.add_argument("--duration", type=float, help="duration of the move to a point [s]")
-    command.add_argument("--tolerance", type=float, default=1e-3, help="allowed error of the tip [m]; default: 0.001")
-    command.add_argument("--shaper", default="ZVD", help="input shaper to compare with; default: ZVD")
-    command.add_argument("--out", type=Path, help="write the driven scene to this file (.toml)")
-    command.add_argument("--plot", type=Path, help="plot its run to this file (.png, .svg or .pdf)")
+    add("--duration", type=float, help="duration of the move to a point [s]")
+    add("--tolerance", type=float, default=1e-3, help="allowed error of the tip [m]; default: 0.001")
+    add("--shaper", default="ZVD", help="input shaper to compare with; default: ZVD")
+    add("--out", type=Path, help="write the driven scene to this file (.toml)")
+    add("--plot", type=Path, help="plot its run to this file (.png, .svg or .pdf)")
 
 
 def run_command(options: argparse.Namespace) -> int:
     """Print pre-actuation, torques and errors beside those of a shaped move; 1 if the tip misses the tolerance."""
-    scene = varied_scene(options.scene, options)
+    scene = shared.varied_scene(options.scene, options)
     if options.out is not None:
-        require_scene_file(options.out)
-    require_picture(options.plot)
-    with prefix_errors(options.scene):
+        shared.require_scene_file(options.out)
+    shared.require_picture(options.plot)
+    with shared.prefix_errors(options.scene):
         found = invert(scene, options.tip, duration=options.duration, tolerance=options.tolerance)
         beside = found.shaped(options.shaper)
-    print_lines("warning", found.warnings)
+    shared.print_lines("warning", found.warnings)
     largest = np.abs(found.torques).max(axis=0)
     if options.json:
         options.document = _document(found, beside, options.shaper, largest)
@@ -55,9 +48,9 @@ def run_command(options: argparse.Namespace) -> int:
         _print(found, beside, options.shaper, largest)
     if options.out is not None:
         found.scene.save(options.out)
-        print_path("scene", options.out)
+        shared.print_path("scene", options.out)
     if options.plot is not None:
-        save_plot(found.run.plot(), options.plot)
+        shared.save_plot(found.run.plot(), options.plot)
     return 0 if found.met else 1
 
 

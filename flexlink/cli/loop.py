@@ -19,15 +19,14 @@ from flexlink.motion.loop.loop import Loop, loop
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `loop`."""
-    command.add_argument("scene", type=Path, help="scene file (.toml) with a drive")
-    command.add_argument(
-        "--count", type=int, default=6, help="number of poles to print, fastest growing first; default: 6"
-    )
-    command.add_argument("--input", default="", metavar="NAME", help="joint at which --plot breaks the loop")
-    command.add_argument("--kind", choices=("bode", "nyquist", "poles"), default="bode", help="kind of --plot")
-    command.add_argument("--over", metavar="PATH", help="number of the scene to change, such as drive.kd.boom")
-    command.add_argument("--values", type=float, nargs="+", default=[], help="values of --over")
-    command.add_argument("--plot", type=Path, help="plot to this file (.png, .svg or .pdf)")
+    add = command.add_argument
+    add("scene", type=Path, help="scene file (.toml) with a drive")
+    add("--count", type=int, default=6, help="number of poles to print, fastest growing first; default: 6")
+    add("--input", default="", metavar="NAME", help="joint at which --plot breaks the loop")
+    add("--kind", choices=("bode", "nyquist", "poles"), default="bode", help="kind of --plot")
+    add("--over", metavar="PATH", help="number of the scene to change, such as drive.kd.boom")
+    add("--values", type=float, nargs="+", default=[], help="values of --over")
+    add("--plot", type=Path, help="plot to this file (.png, .svg or .pdf)")
 
 
 def run_command(options: argparse.Namespace) -> int:
@@ -53,18 +52,13 @@ def run_command(options: argparse.Namespace) -> int:
 
 def as_document(found: Loop, count: int) -> dict[str, object]:
     """The loop as numbers with units, for JSON."""
+    poles = [{"z": [p.z.real, p.z.imag], "frequency_hz": p.hertz, "motion": p.motion} for p in found.poles[:count]]
     return {
-        "stable": found.stable,
-        "growth": found.growth,
-        "rate_hz": found.rate,
-        "delay_s": found.delay,
-        "poles": [
-            {"z": [p.z.real, p.z.imag], "frequency_hz": p.hertz, "motion": p.motion} for p in found.poles[:count]
-        ],
+        "stable": found.stable, "growth": found.growth, "rate_hz": found.rate, "delay_s": found.delay, "poles": poles,
         "margins": [each._asdict() for each in found.margins],
         "largest_delay_s": found.largest("drive.delay") if found.rate else None,
         "largest_gain": found.largest("gain"),
-    }
+    }  # fmt: skip
 
 
 def _show(found: Loop, count: int) -> None:

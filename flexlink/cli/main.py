@@ -90,7 +90,7 @@ def _run_command(options: argparse.Namespace) -> int:
     """Run the command; with `--json`, print one document: its own, and the lines that it would print beside it."""
     if not options.json:
         return int(options.module.run_command(options))
-    from flexlink.cli.json_output import print_json  # noqa: PLC0415  loads NumPy, not needed for help
+    from flexlink.cli.shared import print_json  # noqa: PLC0415  loads NumPy, not needed for help
 
     options.document, lines = {}, io.StringIO()
     with contextlib.redirect_stdout(lines):
@@ -236,16 +236,15 @@ def build_parser(words: Container[str] | None = None) -> argparse.ArgumentParser
 
 def _add_options(command: argparse.ArgumentParser, module: ModuleType) -> None:
     """Add the options of a command's module, and the options that all commands have."""
+    add = command.add_argument
     command.set_defaults(module=module)
     module.add_options(command)
-    command.add_argument(
+    add(
         "--set", action="append", default=[], metavar="PATH=VALUE",
         help="change a value of the scene, such as run.step=1e-5 or 'link.*.segments=9'; may be repeated",
     )  # fmt: skip
-    command.add_argument("--json", action="store_true", help="print the result as JSON, and nothing else")
-    command.add_argument(
-        "--quiet-hints", action="store_true", help="do not warn of numbers that are likely given in another unit"
-    )
+    add("--json", action="store_true", help="print the result as JSON, and nothing else")
+    add("--quiet-hints", action="store_true", help="do not warn of numbers that are likely given in another unit")
 
 
 @functools.cache

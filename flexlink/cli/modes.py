@@ -29,14 +29,15 @@ from flexlink.results.trajectory import plotting
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `modes`."""
-    command.add_argument("scene", type=Path, help="scene file (.toml)")
-    command.add_argument("--lock", nargs="+", default=[], metavar="NAME", help="links or joints (boom.2.z) to lock")
-    command.add_argument(
+    add = command.add_argument
+    add("scene", type=Path, help="scene file (.toml)")
+    add("--lock", nargs="+", default=[], metavar="NAME", help="links or joints (boom.2.z) to lock")
+    add(
         "--rate", nargs="+", default=[], metavar="NAME=RATE",
         help="compute modes about a motion with constant joint rates, such as hub=500rpm; rpm, deg/s, rad/s, m/s",
     )  # fmt: skip
-    command.add_argument("--count", type=int, default=8, help="number of modes, slowest first; default: 8")
-    command.add_argument("--plot", type=Path, help="plot the mode shapes to this file (.png, .svg or .pdf)")
+    add("--count", type=int, default=8, help="number of modes, slowest first; default: 8")
+    add("--plot", type=Path, help="plot the mode shapes to this file (.png, .svg or .pdf)")
 
 
 def print_modes(scene: Scene, found: Modes, which: Iterable[int]) -> None:
@@ -80,13 +81,7 @@ def first_elastic(hertz: float | None) -> str:
 
 
 def rates_of(chain: Chain, texts: Iterable[str]) -> dict[str, float]:
-    """Rates of joints by name [rad/s, m/s], from strings such as hub=500rpm.
-
-    Raises
-    ------
-    ArgumentError
-        A string does not have this form, or its unit is wrong for the kind of joint.
-    """
+    """Rates of joints by name [rad/s, m/s], from strings such as hub=500rpm."""
     # conversion factors from the units of `--rate` to rad/s or m/s
     units = {"rpm": 2 * np.pi / 60, "deg/s": np.pi / 180, "rad/s": 1.0, "m/s": 1.0}
     rates = {}
@@ -94,16 +89,13 @@ def rates_of(chain: Chain, texts: Iterable[str]) -> dict[str, float]:
         name, _, rate = text.partition("=")
         found = re.fullmatch(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(rpm|deg/s|rad/s|m/s)\s*", rate)
         if not found:
-            raise ArgumentError(
-                f"--rate {text}: expected NAME=RATE with a unit, such as hub=500rpm; {', '.join(units)}",
-                id="option-value",
-            )
-        slides = bool(chain.slides[steady_joint(chain, name)])
-        if slides != (found[2] == "m/s"):
-            allowed = "m/s" if slides else "rpm, deg/s, rad/s"
-            raise ArgumentError(
-                f"--rate {text}: {name} {'slides' if slides else 'turns'}; allowed are {allowed}", id="option-value"
-            )
+            why = f"--rate {text}: expected NAME=RATE with a unit, such as hub=500rpm; {', '.join(units)}"
+            raise ArgumentError(why, id="option-value")
+        of_joint = chain.joint_kinds[steady_joint(chain, name)]
+        allowed = [unit for unit in units if (unit == "m/s") == (of_joint.si == "m")]
+        if found[2] not in allowed:
+            wanted = f"{name} {of_joint.moves}; allowed are {', '.join(allowed)}"
+            raise ArgumentError(f"--rate {text}: {wanted}", id="option-value")
         rates[name] = float(found[1]) * units[found[2]]
     return rates
 

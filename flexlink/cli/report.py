@@ -8,21 +8,21 @@ flexlink report models/ptp_move.toml --out move --against measured.csv
 from __future__ import annotations
 
 import argparse
-import shlex
 import sys
 from pathlib import Path
 
 import flexlink as fl
-from flexlink.cli.shared import prefix_errors, print_path, varied_scene
+from flexlink.cli.shared import command_line, prefix_errors, print_path, varied_scene
 from flexlink.common.output import make_folder
 from flexlink.pages.builders import require_pages
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `report`."""
-    command.add_argument("scene", type=Path, help="scene file (.toml)")
-    command.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="folder of index.html and its files")
-    command.add_argument(
+    add = command.add_argument
+    add("scene", type=Path, help="scene file (.toml)")
+    add("--out", type=Path, required=True, metavar="FOLDER", help="folder of index.html and its files")
+    add(
         "--against", type=Path, metavar="FILE",
         help="MJCF, URDF or SDF file of the same arm, or measurements (.csv) with t [s] and columns of "
         "`flexlink simulate --out run.csv`",
@@ -36,7 +36,7 @@ def run_command(options: argparse.Namespace) -> int:
     make_folder(options.out)
     with prefix_errors(options.scene):
         page = fl.report(
-            scene, options.out, against=options.against, command=_command(),
+            scene, options.out, against=options.against, command=command_line(),
             progress=lambda line: print(line, file=sys.stderr, flush=True),
         )  # fmt: skip
     options.document = {"page": str(page.page), "passed": page.passed, "failures": page.failures} | {
@@ -48,7 +48,3 @@ def run_command(options: argparse.Namespace) -> int:
         print(f"not computed: {failure}")
     print_path("report", page.page)
     return 0 if page.passed else 1
-
-
-def _command() -> str:
-    return shlex.join(["flexlink", *sys.argv[1:]])

@@ -1,15 +1,19 @@
-"""Functions that commands share: scenes with `--set`, errors that name their file, outputs and plots."""
+"""Functions that commands share: scenes with `--set`, errors that name their file, outputs, plots and JSON."""
 
 from __future__ import annotations
 
 import argparse
 import contextlib
 import re
+import shlex
 import sys
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
 
 from flexlink.common.errors import ArgumentError, Diagnostic, FlexlinkError
 from flexlink.common.output import check_writable, write_or_keep
@@ -107,10 +111,8 @@ def save_plot(figure: Figure, path: Path) -> None:
 def require_scene_file(path: Path) -> None:
     """Check, before results are computed, that a scene can be written to a file, which is not of another format."""
     if path.suffix in OF_ENGINES:
-        raise ArgumentError(
-            f"{path}: a scene is written as .toml; then: flexlink export SCENE.toml --format {OF_ENGINES[path.suffix]}",
-            id="unknown-format",
-        )
+        text = f"then: flexlink export SCENE.toml --format {OF_ENGINES[path.suffix]}"
+        raise ArgumentError(f"{path}: a scene is written as .toml; {text}", id="unknown-format")
     require_writable(path)
 
 
@@ -129,3 +131,29 @@ def require_picture(path: Path | None) -> None:
         picture_format(path)
         require_writable(path)
         plotting()
+
+
+def command_line() -> str:
+    """The command that runs, as typed in a shell."""
+    return shlex.join(["flexlink", *sys.argv[1:]])
+
+
+def print_json(document: object) -> None:
+    """Print a document in SI units, with null for numbers that are not finite and [re, im] for complex numbers."""
+    print(msgspec.json.format(msgspec.json.encode(document, enc_hook=_plain), indent=1).decode())
+
+
+def with_ids(texts: tuple[str, ...]) -> list[dict[str, str]]:
+    """Diagnostics as objects with id and text."""
+    return [{"id": text.id if isinstance(text, Diagnostic) else "", "text": str(text)} for text in texts]
+
+
+def _plain(value: object) -> object:
+    """Convert types unknown to msgspec: arrays, NumPy numbers, complex numbers, texts with an id."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Diagnostic):
+        return str(value)
+    if isinstance(value, complex):
+        return value.real, value.imag
+    raise NotImplementedError(type(value).__name__)

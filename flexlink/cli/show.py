@@ -21,19 +21,18 @@ from flexlink.results.pictures.film import frame_count
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `show`."""
-    command.add_argument("scene", type=Path, help="scene file (.toml)")
-    command.add_argument(
+    add = command.add_argument
+    add("scene", type=Path, help="scene file (.toml)")
+    add(
         "--out", type=Path,
         help=f"file to write ({', '.join(FORMATS)}); default: a page named after the scene, opened in the browser",
     )  # fmt: skip
-    command.add_argument("--magnify", type=float, default=1.0, metavar="X", help="magnify deflections; default: 1")
-    command.add_argument("--colour", default="moment", help=f"colour by {' or '.join(COLOURS)}; default: moment")
-    command.add_argument("--duration", type=float, help="simulated time [s]; default: the scene's")
-    command.add_argument("--fps", type=float, default=25.0, help="frames per second; default: 25")
-    command.add_argument(
-        "--speed", type=float, default=1.0, help="simulated seconds per second of film; default: 1, real time"
-    )
-    command.add_argument("--width", type=int, default=640, help="width of the picture [pixels]; default: 640")
+    add("--magnify", type=float, default=1.0, metavar="X", help="magnify deflections; default: 1")
+    add("--colour", default="moment", help=f"colour by {' or '.join(COLOURS)}; default: moment")
+    add("--duration", type=float, help="simulated time [s]; default: the scene's")
+    add("--fps", type=float, default=25.0, help="frames per second; default: 25")
+    add("--speed", type=float, default=1.0, help="simulated seconds per second of film; default: 1, real time")
+    add("--width", type=int, default=640, help="width of the picture [pixels]; default: 640")
 
 
 def run_command(options: argparse.Namespace) -> int:

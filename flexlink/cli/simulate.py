@@ -16,17 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flexlink.cli.json_output import with_ids
-from flexlink.cli.shared import (
-    prefix_errors,
-    print_lines,
-    print_notes,
-    print_path,
-    require_picture,
-    require_writable,
-    save_plot,
-    varied_scene,
-)
+from flexlink.cli import shared
 from flexlink.common.interruption import deferred, finish
 from flexlink.common.output import write_or_keep
 from flexlink.common.progress import Progress
@@ -45,35 +35,30 @@ from flexlink.results.trajectory import Trajectory
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `simulate`; the scene's values are the defaults."""
+    add = command.add_argument
     methods, solvers = ", ".join(data_files.names("methods")), ", ".join(SOLVERS)
-    command.add_argument("scene", type=Path, help="scene file (.toml)")
-    command.add_argument("--method", help=f"integrator: auto, {methods}, or a file (.toml)")
-    command.add_argument("--step", type=float, help="fixed step [s]")
-    command.add_argument("--tolerance", type=float, help="adaptive steps: error of the position of any body [m]")
-    command.add_argument(
-        "--relative-tolerance",
-        type=float,
+    add("scene", type=Path, help="scene file (.toml)")
+    add("--method", help=f"integrator: auto, {methods}, or a file (.toml)")
+    add("--step", type=float, help="fixed step [s]")
+    add("--tolerance", type=float, help="adaptive steps: error of the position of any body [m]")
+    add(
+        "--relative-tolerance", type=float,
         help="adaptive steps: error as a fraction of the arm's reach, or of its deflection",
-    )
-    command.add_argument(
-        "--accuracy", help="what the tolerance applies to: auto (the tip and what is read), tip, or deflection"
-    )
-    command.add_argument(
-        "--max-evaluations", type=float, help="adaptive steps: stop the run after this many evaluations"
-    )
-    command.add_argument("--duration", type=float, help="simulated time [s]")
-    command.add_argument("--sample", type=float, help="time between two samples [s], a multiple of the step")
-    command.add_argument("--solver", help=f"solver of the forward dynamics: {solvers}")
-    command.add_argument(
+    )  # fmt: skip
+    add("--accuracy", help="what the tolerance applies to: auto (the tip and what is read), tip, or deflection")
+    add("--max-evaluations", type=float, help="adaptive steps: stop the run after this many evaluations")
+    add("--duration", type=float, help="simulated time [s]")
+    add("--sample", type=float, help="time between two samples [s], a multiple of the step")
+    add("--solver", help=f"solver of the forward dynamics: {solvers}")
+    add(
         "--insist", action="store_const", const="allow", dest="unstable",
         help="run even if the step exceeds the stability limit, and keep a run whose energy does not balance",
     )  # fmt: skip
-    command.add_argument("--out", type=Path, help="write the samples to this file (.npz or .csv)")
-    command.add_argument(
-        "--plot",
-        type=Path,
+    add("--out", type=Path, help="write the samples to this file (.npz or .csv)")
+    add(
+        "--plot", type=Path,
         help="plot angles [deg], tip [m], drive torques [N m] and energy [J] to this file (.png, .svg or .pdf)",
-    )
+    )  # fmt: skip
 
 
 def run_command(options: argparse.Namespace) -> int:
@@ -82,20 +67,20 @@ def run_command(options: argparse.Namespace) -> int:
     changes = {path: value for path, value in settings.items() if value is not None}
     if options.plot is not None:
         changes["run.outputs"] = ("torques",)
-    scene = varied_scene(options.scene, options, changes)
+    scene = shared.varied_scene(options.scene, options, changes)
     if options.out is not None:
         output_format(options.out)
-        require_writable(options.out)
-    require_picture(options.plot)
-    with prefix_errors(options.scene):
+        shared.require_writable(options.out)
+    shared.require_picture(options.plot)
+    with shared.prefix_errors(options.scene):
         ready = SingleRun(problem_of(scene))  # compiles now, so signals act at once and run times are correct
-        print_notes(scene)
+        shared.print_notes(scene)
     with deferred() as stop, contextlib.ExitStack() as last:
         last.callback(finish)
         bar = Progress(scene.name)
         started = time.perf_counter()
         try:
-            with prefix_errors(options.scene):
+            with shared.prefix_errors(options.scene):
                 run = ready.finish(stop, bar, warn=lambda text: _warn(bar, text))
             seconds = time.perf_counter() - started
         except (DivergenceError, InterruptedRunError) as error:
@@ -115,19 +100,19 @@ def run_command(options: argparse.Namespace) -> int:
 def _warn(bar: Progress, text: str) -> None:
     """Print a warning during the run."""
     bar.clear()
-    print_lines("warning", [text])
+    shared.print_lines("warning", [text])
 
 
 def _deliver(run: Trajectory, options: argparse.Namespace) -> None:
     """Print warnings, and write the samples and the plot."""
-    print_lines("warning", run.warnings)
+    shared.print_lines("warning", run.warnings)
     if run.scene is not None:
-        print_lines("note", coarse_samples(run.scene, run))
+        shared.print_lines("note", coarse_samples(run.scene, run))
     if options.out is not None:
         write_or_keep(options.out, run.writer(options.out))
-        print_path("samples", options.out)
+        shared.print_path("samples", options.out)
     if options.plot is not None:
-        save_plot(run.plot(), options.plot)
+        shared.save_plot(run.plot(), options.plot)
 
 
 def _kept_in(options: argparse.Namespace) -> str:
@@ -139,7 +124,7 @@ def _document(run: Trajectory, seconds: float) -> dict[str, object]:
     return {
         "duration_s": run.t[-1] - run.t[0], "run_time_s": seconds, "tip_m": run.tip[-1], "tip_error_m": run.error,
         "energy_j": np.asarray(run.energy.total)[[0, -1]], "imbalance_j": np.abs(run.imbalance).max(),
-        "warnings": with_ids(run.warnings),
+        "warnings": shared.with_ids(run.warnings),
     }  # fmt: skip
 
 

@@ -28,20 +28,19 @@ from flexlink.sweeps.workers import MAX_WORKERS
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `sweep`."""
-    command.add_argument("sweep", type=Path, help="sweep file (.toml)")
-    command.add_argument(
-        "--out",
-        type=Path,
+    add = command.add_argument
+    add("sweep", type=Path, help="sweep file (.toml)")
+    add(
+        "--out", type=Path,
         help="database of the results; an existing one is continued; default: SWEEP.db in the current folder",
-    )
-    command.add_argument("--workers", type=int, default=1, metavar="N", help="number of processes; default: 1")
-    command.add_argument("--dask", metavar="ADDRESS", help="run the members on the workers of this Dask scheduler")
-    command.add_argument(
-        "--export",
-        choices=("csv", "parquet"),
+    )  # fmt: skip
+    add("--workers", type=int, default=1, metavar="N", help="number of processes; default: 1")
+    add("--dask", metavar="ADDRESS", help="run the members on the workers of this Dask scheduler")
+    add(
+        "--export", choices=("csv", "parquet"),
         help="also write all results to a file of this format, next to the database",
-    )
-    command.add_argument("--fresh", action="store_true", help="delete the stored results and start again")
+    )  # fmt: skip
+    add("--fresh", action="store_true", help="delete the stored results and start again")
 
 
 def run_command(options: argparse.Namespace) -> int:

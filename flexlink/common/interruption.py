@@ -1,4 +1,4 @@
-"""Handle Ctrl-C (SIGINT) and SIGTERM: stop at once, or after results are saved.
+"""Handle Ctrl-C (SIGINT) and SIGTERM: stop at once, or after results are saved; imported before any slow import.
 
 Code with results to save runs inside `deferred()`, where the signals are only recorded. The command line calls
 `quit_at_once()` while it has no results; a signal then ends the process with one line and no traceback, even inside a
@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import _signal  # type: ignore[import-not-found]  # faster than `signal`, whose enums cost 20 µs per run
 import contextlib
+import itertools
 import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from types import FrameType
 
 SIGNALS = {int(signal.SIGINT): signal.default_int_handler, int(signal.SIGTERM): signal.SIG_DFL}  # Python's handlers
@@ -21,13 +23,7 @@ LAST = 3  # the third signal of one kind quits at once
 
 
 class Stop:
-    """Whether the process was asked to stop, and the first signal that did so.
-
-    Attributes
-    ----------
-    signal
-        Number of the signal, or None.
-    """
+    """Whether the process was asked to stop, and the number of the first `signal` that did so, or None."""
 
     def __init__(self) -> None:
         self.signal: int | None = None
@@ -129,3 +125,16 @@ def _print_line(text: str) -> None:
     """Write one line to stderr, bypassing Python's buffers, which the signal may have interrupted."""
     with contextlib.suppress(OSError):
         os.write(2, f"{chr(10) if os.isatty(2) else ''}flexlink: {text}\n".encode())
+
+
+def is_command(arguments: Sequence[str], words: Sequence[str]) -> bool:
+    """Whether a process with these `sys.argv` and `sys.orig_argv` is the command line rather than a user's program.
+
+    While Python looks for the module to run, which imports this package, `sys.argv[0]` is "-m".
+    """
+    program = Path(arguments[0]).stem if arguments else ""
+    return program == "flexlink" or (program == "-m" and ("-m", "flexlink") in itertools.pairwise(words))
+
+
+if is_command(sys.argv, sys.orig_argv):
+    quit_at_once()

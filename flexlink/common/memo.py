@@ -37,15 +37,11 @@ class Memo:
 
     def __call__(self, of: object, key: Hashable, find: Callable[[], T]) -> T:
         """Return the result kept for `of` and `key`; if there is none, call `find` and keep its result."""
-        slot = id(of), key
-        with self._lock:
-            if slot in self._results:
-                self._results.move_to_end(slot)
-                kept: T = self._results[slot][1]
-                return kept
+        if (kept := self.kept(of, key)) is not None:
+            return kept  # type: ignore[no-any-return]
         result = find()
         with self._lock:
-            self._results[slot] = of, result
+            self._results[id(of), key] = of, result
             while len(self._results) > self._size:
                 self._results.popitem(last=False)
         return result
@@ -82,16 +78,10 @@ def contents(given: object) -> Hashable:
 
 
 class Kept:
-    """Cache of the last result of each name, for one owner that only one thread uses at a time.
-
-    Attributes
-    ----------
-    types
-        Types of all arguments of a call, if only the owner can change its arrays; empty if its arrays may be shared.
-    """
+    """Cache of the last result of each name, for one owner that only one thread uses at a time."""
 
     def __init__(self) -> None:
-        self.types = b""
+        self.types = b""  # of all arguments of a call, if only the owner can change its arrays; empty: may be shared
         self._found: dict[Hashable, tuple[Hashable, Any]] = {}
 
     def __call__(self, name: Hashable, key: Hashable, find: Callable[[], Any]) -> Any:

@@ -32,17 +32,9 @@ def _cells(tag: str, texts: Sequence[str]) -> str:
 
 
 def drawing_module(name: str) -> ModuleType:
-    """Import a plotting module of flexlink when something is drawn; its layer may be above the caller's layer.
-
-    Raises
-    ------
-    MissingDependencyError
-        matplotlib is not installed.
-    """
+    """Import a plotting module of flexlink when something is drawn; its layer may be above the caller's layer."""
     try:
         return importlib.import_module(f"flexlink.{name}")
     except ImportError:
-        raise MissingDependencyError(
-            f"plotting needs matplotlib; install it with: {how_to_install('report')}",
-            id="package-missing",
-        ) from None
+        text = f"plotting needs matplotlib; install it with: {how_to_install('report')}"
+        raise MissingDependencyError(text, id="package-missing") from None

@@ -20,12 +20,6 @@ def write_whole(path: Path, write: Callable[[Path], object]) -> None:
 
     Symbolic links are followed, and their target is replaced. A new file gets the permissions of the umask; a replaced
     file keeps its permissions.
-
-    Raises
-    ------
-    OutputError
-        The folder is missing or not writable, the disk is full, or `path` is a folder, a device or a pipe; `path` is
-        unchanged.
     """
     with _temporary(path) as (temporary, target):
         write(temporary)
@@ -59,13 +53,7 @@ def check_writable(path: Path) -> None:
 
 
 def make_folder(path: Path) -> None:
-    """Create a folder and its parents, and check, before results are computed, that files can be created in it.
-
-    Raises
-    ------
-    OutputError
-        The folder cannot be created or is not writable.
-    """
+    """Create a folder and its parents, and check, before results are computed, that files can be created in it."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -90,13 +78,7 @@ def write_or_keep(path: Path, write: Callable[[Path], object]) -> None:
 
 
 def or_keep(path: Path, write: Callable[[Path], T]) -> T:
-    """Let `write` create a file or folder; if `path` cannot be written, save the result in the temporary folder.
-
-    Raises
-    ------
-    OutputError
-        `path` cannot be written; the message states where the result was saved instead, if anywhere.
-    """
+    """Let `write` create a file or folder; if `path` cannot be written, save the result in the temporary folder."""
     try:
         return write(path)
     except OutputError as first:

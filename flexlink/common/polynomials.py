@@ -1,57 +1,30 @@
-"""Exact polynomials, given as lists of Fractions with the lowest power first, and exact sums of products."""
+"""Exact polynomials, given as Fractions with the lowest power first, and exact sums of products.
+
+Functions of `numpy.polynomial.polynomial` are exact for Fractions, but not if an integer or a float is among them.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
+from numpy.polynomial.polynomial import polymul
 
 from flexlink.common.types import Array
 
-Polynomial = list[Fraction]
-
-
-def add(p: Polynomial, q: Polynomial) -> Polynomial:
-    """p + q; p must not be shorter than q."""
-    return [x + (q[k] if k < len(q) else 0) for k, x in enumerate(p)]
-
-
-def multiply(p: Polynomial, q: Polynomial) -> Polynomial:
-    """Product p q."""
-    product = [Fraction(0)] * (len(p) + len(q) - 1)
-    for i, x in enumerate(p):
-        for k, y in enumerate(q):
-            product[i + k] += x * y
-    return product
-
-
-def evaluate(p: Polynomial, x: Fraction) -> Fraction:
-    """p(x) by Horner's rule."""
-    value = Fraction(0)
-    for coefficient in reversed(p):
-        value = value * x + coefficient
-    return value
-
-
-def derivative(p: Polynomial) -> Polynomial:
-    """Derivative p'."""
-    return [k * x for k, x in enumerate(p)][1:]
-
-
-def integral(p: Polynomial) -> Polynomial:
-    """The integral of p, zero at 0."""
-    return [Fraction(0), *(x / (k + 1) for k, x in enumerate(p))]
+Polynomial = Any  # list or array of Fractions, of which NumPy's types know nothing
 
 
 def lagrange(nodes: Sequence[Fraction]) -> list[Polynomial]:
     """Lagrange polynomials ℓ_j with ℓ_j(c_i) = δ_ij at the nodes c_i."""
     basis = []
     for j, x in enumerate(nodes):
-        p = [Fraction(1)]
+        p: Any = [Fraction(1)]
         for other in (*nodes[:j], *nodes[j + 1 :]):
-            p = [y / (x - other) for y in multiply(p, [-other, Fraction(1)])]
+            p = polymul(p, [-other, Fraction(1)]) / (x - other)
         basis.append(p)
     return basis
 

@@ -19,27 +19,11 @@ DEEPEST = 1000  # levels of nested elements; MuJoCo reads 500
 
 
 def parse(text: str | bytes, what: str, *, namespaces: bool = True) -> ET.Element:
-    """Return the root of an XML document.
+    """Return the root of an XML document called `what`, without comments and processing instructions.
 
-    Parameters
-    ----------
-    text
-        The document; bytes contain a declaration of their encoding (default UTF-8).
-    what
-        Name of the document, such as its path, for messages.
-    namespaces
-        Whether `p:name` is read as `{namespace of p}name`. If not, names stay as written, prefixes need no declaration,
-        and white space before the declaration of XML is skipped, as robot files of other programs need.
-
-    Returns
-    -------
-    Element
-        The root, without comments and processing instructions.
-
-    Raises
-    ------
-    DataFileError
-        The text is not XML, is larger or deeper than any robot file, or has a DOCTYPE; the message has one line.
+    Bytes contain a declaration of their encoding (default UTF-8). With `namespaces`, `p:name` is read as `{namespace of
+    p}name`. If not, names stay as written, prefixes need no declaration, and white space before the declaration of XML
+    is skipped, as robot files of other programs need.
     """
     try:
         data = text if isinstance(text, bytes) else text.encode()
@@ -84,9 +68,8 @@ class _Elements(ET.TreeBuilder):
         self.opened: list[tuple[str, int]] = []
 
     def doctype(self, name: str, *_: object) -> None:
-        raise DataFileError(
-            f"{self.what}: contains <!DOCTYPE {name[:60]}>; remove it and all entities", id="xml-entities"
-        )
+        text = f"{self.what}: contains <!DOCTYPE {name[:60]}>; remove it and all entities"
+        raise DataFileError(text, id="xml-entities")
 
     def start(self, tag: str, attributes: Mapping[str, str], /) -> ET.Element:
         self.count += 1 + len(attributes)
@@ -94,9 +77,8 @@ class _Elements(ET.TreeBuilder):
         if self.count > MOST_ELEMENTS:
             raise DataFileError(f"{self.what}: more than {MOST_ELEMENTS} elements and attributes", id="file-too-large")
         if len(self.opened) > DEEPEST:
-            raise DataFileError(
-                f"{self.what}: elements are nested deeper than {DEEPEST}, at <{tag[:60]}>", id="xml-too-deep"
-            )
+            text = f"{self.what}: elements are nested deeper than {DEEPEST}, at <{tag[:60]}>"
+            raise DataFileError(text, id="xml-too-deep")
         return super().start(_full(tag), {_full(key): value for key, value in attributes.items()})
 
     def end(self, tag: str, /) -> ET.Element:

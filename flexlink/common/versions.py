@@ -60,13 +60,7 @@ OLD_NAMES = {
 
 
 def old_name(path: str, *, required: bool = False) -> Any:
-    """What a deprecated public name denotes, with a DeprecationWarning that states its successor; None: not one.
-
-    Raises
-    ------
-    AttributeError
-        There is no such name, and one is `required`.
-    """
+    """What a deprecated public name denotes, with a DeprecationWarning that states its successor; None: not one."""
     if path not in OLD_NAMES:
         module, _, name = path.rpartition(".")
         if required:

@@ -65,6 +65,11 @@ def both_given(key: str, value: object, other: str, remedy: str = "specify only 
     return SceneError(f"{key} = {shown}: {other} is also given; {remedy}", id="both-given")
 
 
+def missing(key: str, why: str) -> SceneError:
+    """The error of a key that must be given."""
+    return SceneError(f"{key}: missing; {why}", id="missing-key")
+
+
 def short_list(items: Sequence[str]) -> str:
     """Items separated by commas; the middle of a long list is left out."""
     return ", ".join(items if len(items) <= 8 else [*items[:5], "…", *items[-2:]])

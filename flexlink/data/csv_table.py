@@ -47,43 +47,31 @@ class CsvTable(NamedTuple):
         return {head_of(head)[0] for head in self.heads}
 
     def column(self, quantity: str, unit: str) -> Array:
-        """Return the column of a quantity, converted to `unit`; every cell must be a number.
-
-        Raises
-        ------
-        DataFileError
-            The column is missing or appears twice, its unit is missing or cannot be converted, or a cell is empty.
-        """
+        """Return the column of a quantity, converted to `unit`; every cell must be a number."""
         found = [k for k, head in enumerate(self.heads) if head_of(head)[0] == quantity]
         wanted = f"{quantity} [{unit}]"
         if not found:
             near = self._misspelt(quantity, unit)
             zeros = "; for a joint without torque, add a column of zeros" if quantity.startswith("tau ") else ""
             remedy = zeros if near is None else f"; if {near!r} is meant, rename it"
-            raise DataFileError(
-                f"{self.path}: no column {wanted!r}; columns: {short_list(self.heads)}{remedy}",
-                id="no-such-column",
-            )
+            text = f"{self.path}: no column {wanted!r}; columns: {short_list(self.heads)}{remedy}"
+            raise DataFileError(text, id="no-such-column")
         if len(found) > 1:
-            raise DataFileError(
-                f"{self.path}: column {quantity!r} appears twice: {short_list(self.heads)}", id="column-twice"
-            )
+            why = f"{self.path}: column {quantity!r} appears twice: {short_list(self.heads)}"
+            raise DataFileError(why, id="column-twice")
         given, column = head_of(self.heads[found[0]])[1], self.values[:, found[0]]
         if not given:
-            raise DataFileError(
-                f"{self.path}: column {quantity!r}: without a unit; expected one, as in {wanted!r}", id="unit-missing"
-            )
+            why = f"{self.path}: column {quantity!r}: without a unit; expected one, as in {wanted!r}"
+            raise DataFileError(why, id="unit-missing")
         factor = conversion(given, unit)
         if factor is None:
             fitting = ", ".join(units_like(unit))
-            raise DataFileError(
-                f"{self.path}: column {self.heads[found[0]]!r}: unit must be one of {fitting}", id="unit-unknown"
-            )
+            why = f"{self.path}: column {self.heads[found[0]]!r}: unit must be one of {fitting}"
+            raise DataFileError(why, id="unit-unknown")
         if np.isnan(column).any():
             line = int(np.argmax(np.isnan(column))) + 2
-            raise DataFileError(
-                f"{self.path}: line {line}, {self.heads[found[0]]}: empty; expected a number", id="csv-cell"
-            )
+            why = f"{self.path}: line {line}, {self.heads[found[0]]}: empty; expected a number"
+            raise DataFileError(why, id="csv-cell")
         return column * factor
 
     def _misspelt(self, quantity: str, unit: str) -> str | None:
@@ -97,22 +85,13 @@ class CsvTable(NamedTuple):
 
     @property
     def times(self) -> Array:
-        """Strictly increasing times [s].
-
-        Raises
-        ------
-        DataFileError
-            The times do not increase, or `column` raises the error.
-        """
+        """Strictly increasing times [s]."""
         t = self.column("t", "s")
         late = np.flatnonzero(np.diff(t) <= 0)
         if len(late):
             line = int(late[0]) + 3
-            raise DataFileError(
-                f"{self.path}: line {line}: t = {float(t[late[0] + 1])!r} s: must be later than the one before, "
-                f"{float(t[late[0]])!r} s",
-                id="times-not-increasing",
-            )
+            text = f"t = {float(t[late[0] + 1])!r} s: must be later than the one before, {float(t[late[0]])!r} s"
+            raise DataFileError(f"{self.path}: line {line}: {text}", id="times-not-increasing")
         return t
 
 
@@ -141,17 +120,8 @@ def _split(unit: str) -> tuple[str, float] | None:
 
 def units_like(unit: str) -> list[str]:
     """All header units that can be converted to a unit."""
-    return [name for name in every_unit() if conversion(name, unit) is not None]
-
-
-def every_unit() -> list[str]:
-    """All units allowed in headers."""
-    return [
-        f"{unit}{per}"
-        for per in dict.fromkeys(PER.values())
-        for unit, (base, _) in UNITS.items()
-        if not per or base in WITH_RATES
-    ]
+    known = [f"{base}{per}" for per in dict.fromkeys(PER.values()) for base in UNITS]
+    return [name for name in known if conversion(name, unit) is not None]
 
 
 def in_si(head: str) -> tuple[str, float] | None:
@@ -162,14 +132,7 @@ def in_si(head: str) -> tuple[str, float] | None:
 
 
 def read_csv(path: Path) -> CsvTable:
-    """Read comma-separated numbers below one header line; blank lines are skipped.
-
-    Raises
-    ------
-    DataFileError
-        The file cannot be read or is empty; no header has a unit; a line has more or fewer cells than the header line;
-        a cell is not a finite decimal number.
-    """
+    """Read comma-separated numbers below one header line; blank lines are skipped."""
     data = read_regular(path, largest=100_000_000, error=DataFileError)
     try:
         text = data.decode("utf-8-sig")
@@ -179,28 +142,24 @@ def read_csv(path: Path) -> CsvTable:
     except (UnicodeDecodeError, csv.Error) as error:
         raise DataFileError(f"{path}: is not CSV: {error}", id="not-csv") from None
     except ValueError:
-        raise DataFileError(
-            f"{path}: is empty; expected a header line with a column {TIME!r}", id="file-empty"
-        ) from None
+        why = f"{path}: is empty; expected a header line with a column {TIME!r}"
+        raise DataFileError(why, id="file-empty") from None
     for sign, name in ((";", "semicolons"), ("\t", "tabs")):
         if len(heads) == 1 and sign in heads[0]:
-            raise DataFileError(
-                f"{path}: cells are separated by {name}; expected commas, and decimal points", id="not-csv"
-            )
+            why = f"{path}: cells are separated by {name}; expected commas, and decimal points"
+            raise DataFileError(why, id="not-csv")
     heads = [head.strip() for head in heads]
     if not any(head_of(head)[1] for head in heads):  # may be another kind of file, so do not quote its content
-        raise DataFileError(
-            f"{path}: its first line has no column with a unit, such as {TIME!r}; expected a CSV file", id="not-csv"
-        )
+        why = f"{path}: its first line has no column with a unit, such as {TIME!r}; expected a CSV file"
+        raise DataFileError(why, id="not-csv")
     rows = [_numbers(path, number, line, heads) for number, line in enumerate(lines, 2)]
     return CsvTable(path, tuple(heads), np.array(rows, dtype=np.float64).reshape(len(rows), len(heads)))
 
 
 def _numbers(path: Path, number: int, line: list[str], heads: list[str]) -> list[float]:
     if len(line) != len(heads):
-        raise DataFileError(
-            f"{path}: line {number}: {plural(len(line), 'cell')}; the header line has {len(heads)}", id="csv-cell"
-        )
+        text = f"{path}: line {number}: {plural(len(line), 'cell')}; the header line has {len(heads)}"
+        raise DataFileError(text, id="csv-cell")
     found = []
     for cell, head in zip(line, heads, strict=True):
         try:
@@ -208,9 +167,8 @@ def _numbers(path: Path, number: int, line: list[str], heads: list[str]) -> list
                 raise ValueError
             found.append(float(cell) if cell.strip() else math.nan)
         except ValueError:
-            raise DataFileError(
-                f"{path}: line {number}, {head}: {truncated(cell)} is not a number", id="csv-cell"
-            ) from None
+            text = f"{path}: line {number}, {head}: {truncated(cell)} is not a number"
+            raise DataFileError(text, id="csv-cell") from None
         if not math.isfinite(found[-1]) and cell.strip():
             raise DataFileError(f"{path}: line {number}, {head}: {truncated(cell)} is not finite", id="csv-cell")
     return found

@@ -19,29 +19,15 @@ from flexlink.common.wording import truncated
 
 
 def require_path(name: str, value: object) -> Path:
-    """Convert a str or Path to a Path.
-
-    Raises
-    ------
-    ArgumentError
-        `value` has another type, which the message states.
-    """
+    """Convert a str or Path to a Path."""
     if not isinstance(value, str | os.PathLike):
-        raise ArgumentError(
-            f"{name} = {truncated(value)}: expected a str or a Path, got {type(value).__name__}", id="wrong-type"
-        )
+        text = f"{name} = {truncated(value)}: expected a str or a Path, got {type(value).__name__}"
+        raise ArgumentError(text, id="wrong-type")
     return Path(value)
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Parse a TOML file; error messages have one line.
-
-    Raises
-    ------
-    SceneError
-        The file is missing, unreadable, a pipe (which might block forever), larger than 1 MB, empty, not UTF-8, XML or
-        not TOML.
-    """
+    """Parse a TOML file; error messages have one line."""
     data = read_regular(path, largest=1_000_000, error=SceneError)
     try:
         text = data.decode("utf-8-sig")  # some editors write a byte order mark
@@ -96,10 +82,12 @@ def with_absolute_paths(folder: Path, document: T) -> T:
         for key in keys:
             value = node[key]
             name = key.rpartition(".")[2] if isinstance(key, str) else above
-            if isinstance(value, str):
-                node[key] = _from(folder, name, value)
-            else:
+            if not isinstance(value, str):
                 left.append((name, value))
+            elif name == "file" and value:
+                node[key] = str((folder / value).absolute())
+            elif name in {"method", "lumping", "kind"}:  # built-in names, or paths of user files
+                node[key] = absolute(value, folder)
     return document
 
 
@@ -115,14 +103,6 @@ def _as_json(document: object) -> bytes:
         return msgspec.json.encode(document)
     except (TypeError, ValueError, OverflowError, RecursionError):
         return b""
-
-
-def _from(folder: Path, key: str, value: str) -> str:
-    # keys whose values are built-in names or paths of user files
-    named = {"method", "lumping", "kind"}
-    if key == "file" and value:
-        return str((folder / value).absolute())
-    return absolute(value, folder) if key in named else value
 
 
 def paths_of(table: Mapping[str, Any], leaf: tuple[str, ...] = (), above: str = "") -> Iterator[tuple[str, Any]]:
@@ -171,27 +151,7 @@ def shown_path(path: str | Path) -> str:
 
 
 def read_regular(path: Path, *, largest: int, error: type[FlexlinkError]) -> bytes:
-    """Return the bytes of a regular file.
-
-    Parameters
-    ----------
-    path
-        The file.
-    largest
-        Largest allowed size in bytes.
-    error
-        Class of the errors.
-
-    Returns
-    -------
-    bytes
-        The complete file.
-
-    Raises
-    ------
-    FlexlinkError
-        Of class `error`: the file is missing, unreadable, larger than `largest`, or a pipe (which might block forever).
-    """
+    """Return the bytes of a regular file of at most `largest` bytes; a pipe might block forever."""
     try:
         if path.exists() and not path.is_file() and not path.is_dir():  # for a folder, `open` raises a clear error
             raise OSError(errno.EINVAL, "is a pipe or a device; give a regular file")

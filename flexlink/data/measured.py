@@ -22,35 +22,13 @@ class Measured(NamedTuple):
 
 
 def read_measured(path: Path, known: Mapping[str, object], only: Sequence[str] = ()) -> Measured:
-    """Read a CSV whose headers are "t [s]" and column names of a trajectory.
-
-    Parameters
-    ----------
-    path
-        The file.
-    known
-        Allowed columns, by their names in `Trajectory.columns`.
-    only
-        Headers of the columns to read; other columns are ignored. Default: all columns.
-
-    Raises
-    ------
-    DataFileError
-        The file cannot be read; a header is unknown, repeated or missing; a cell is not a number; times do not
-        increase; or there are no measured values.
-    """
+    """Read a CSV whose headers are "t [s]" and `known` column names of a trajectory; or only some of its columns."""
     _, heads, values = read_csv(path)
     return measured_from(str(path), heads, values, known, only)
 
 
 def read_together(paths: Sequence[Path], known: Mapping[str, object], only: Sequence[str] = ()) -> Measured:
-    """Read several files of one record, each with its own times; columns are nan at the times of other files.
-
-    Raises
-    ------
-    DataFileError
-        As in `read_measured`; or two files contain the same column.
-    """
+    """Read several files of one record, each with its own times; columns are nan at the times of other files."""
     tables = [read_csv(path) for path in paths]
     every = [head for table in tables for head in table.heads]
     _require(", ".join(map(str, paths)), only, every)
@@ -66,9 +44,8 @@ def read_together(paths: Sequence[Path], known: Mapping[str, object], only: Sequ
         for name, column in part.columns.items():
             if name in columns:
                 other = next(one for one, before in parts.items() if name in before.columns)
-                raise DataFileError(
-                    f"{path}: column {name!r} is also in {other}; remove it from one file", id="column-twice"
-                )
+                text = f"{path}: column {name!r} is also in {other}; remove it from one file"
+                raise DataFileError(text, id="column-twice")
             columns[name] = np.full(len(t), np.nan)
             columns[name][at] = column
     return Measured(t, columns)
@@ -78,10 +55,8 @@ def _require(where: str, wanted: Sequence[str], heads: Sequence[str]) -> None:
     """Refuse a wanted column that does not exist."""
     absent = [name for name in wanted if name not in heads]
     if absent:
-        raise DataFileError(
-            f"{where}: no column {absent[0]!r}{did_you_mean(absent[0], heads)}; columns: {short_list(list(heads))}",
-            id="no-such-column",
-        )
+        text = f"{where}: no column {absent[0]!r}{did_you_mean(absent[0], heads)}; columns: {short_list(list(heads))}"
+        raise DataFileError(text, id="no-such-column")
 
 
 def measured_from(
@@ -100,23 +75,15 @@ def measured_from(
     if len(t) < 2 or not (np.diff(t) > 0).all():
         late = np.flatnonzero(np.diff(t) <= 0)
         first = f"; {float(t[late[0] + 1])!r} comes after {float(t[late[0]])!r}" if len(late) else ""
-        raise DataFileError(
-            f"{where}: {TIME}: expected two or more times, each later than the one before{first}",
-            id="times-not-increasing",
-        )
+        text = f"{where}: {TIME}: expected two or more times, each later than the one before{first}"
+        raise DataFileError(text, id="times-not-increasing")
     if not any(np.isfinite(column).any() for column in columns.values()):
         raise DataFileError(f"{where}: no measured values; expected columns such as 'tip x [m]'", id="no-such-column")
     return Measured(t, columns)
 
 
 def named(where: str, head: str, known: Mapping[str, object]) -> tuple[str, float]:
-    """Name of the trajectory column for a header, and the factor from the header's unit to the column's unit.
-
-    Raises
-    ------
-    DataFileError
-        The header is unknown.
-    """
+    """Name of the trajectory column for a header, and the factor from the header's unit to the column's unit."""
     if head in known:
         return head, 1.0
     found = in_si(head)

@@ -30,11 +30,6 @@ def best_cutoff(t: Array, y: Array) -> float:
     """Cutoff [Hz] with the least generalized cross-validation of y (samples,) at times t [s], within 5 %.
 
     It is at most 0.45 of the sampling rate, which exact samples of a smooth motion reach.
-
-    Raises
-    ------
-    SceneError
-        There are fewer than five samples.
     """
     length, spacing = float(t[-1] - t[0]), float(np.diff(t).max())
     highest = 0.45 / spacing
@@ -54,18 +49,12 @@ def smoothed(t: Array, y: Array, cutoff: float | str) -> tuple[Array, Array, Arr
     """Low-pass filtered values, rates and accelerations (samples,) of y (samples,) at times t [s]; `cutoff` in Hz.
 
     The cutoff "auto" is `best_cutoff`.
-
-    Raises
-    ------
-    SceneError
-        There are fewer than five samples, or they are too far apart for the cutoff.
     """
     # with fewer samples, the smoothing spline could only be a parabola
     fewest = 5
     if len(t) < fewest:
-        raise SceneError(
-            f"cutoff = {cutoff!r}: {len(t)} samples are too few; expected {fewest} or more", id="too-few-samples"
-        )
+        text = f"cutoff = {cutoff!r}: {len(t)} samples are too few; expected {fewest} or more"
+        raise SceneError(text, id="too-few-samples")
     spacing, cutoff = float(np.diff(t).max()), best_cutoff(t, y) if isinstance(cutoff, str) else cutoff
     if 2 * spacing * cutoff >= 1:
         raise SceneError(

@@ -8,13 +8,11 @@ import numpy as np
 
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
-from flexlink.common.wording import both_given, truncated
-from flexlink.describe.joint_units import TWINS, Row
+from flexlink.common.wording import both_given, missing, truncated
+from flexlink.describe.joint_units import IN_METRES_OF_MOTION, OF_JOINT, OF_MOTION, TWINS, KindOfJoint, Row
 from flexlink.describe.numbers import check_table, require_increasing
-from flexlink.describe.reference import OF_MOTION
 from flexlink.describe.spec import Positive, Spec, Vector3, measured_in
 
-IN_METRES_OF_MOTION = "position_m", "rate_m", "acceleration_m"
 Frame = Literal["world", "tip"]
 """Frame in which a tip wrench is given: frame 0 (world), or the tip frame, which turns with the tip."""
 
@@ -68,13 +66,9 @@ class PrescribedMotion(Spec, frozen=True):
             self._check_file()
             return
         if self.cutoff is not None:
-            raise SceneError(
-                f"cutoff = {self.cutoff!r}: has no effect without a file; leave cutoff out", id="no-effect"
-            )
+            raise self._refused("cutoff", "has no effect without a file; leave cutoff out", "no-effect")
         if not self.times:
-            raise SceneError(
-                "times: missing; give them with angles, rates and accelerations, or give a file", id="missing-key"
-            )
+            raise missing("times", "give them with angles, rates and accelerations, or give a file")
         if self.times[0] != 0:
             raise SceneError(f"times[0] = {self.times[0]!r}: must be 0", id="first-time")
         require_increasing("times", self.times)
@@ -82,11 +76,10 @@ class PrescribedMotion(Spec, frozen=True):
             column = getattr(self, name)
             if column is None:
                 takes = f"a motion has times, {', '.join(self.keys)}; or a file with a cutoff"
-                raise SceneError(f"{name}: missing; {takes}", id="missing-key")
+                raise missing(name, takes)
             if len(column) != len(self.times):
-                raise SceneError(
-                    f"{name} has {len(column)} values: expected one per time, {len(self.times)}", id="one-per-time"
-                )
+                text = f"{name} has {len(column)} values: expected one per time, {len(self.times)}"
+                raise SceneError(text, id="one-per-time")
             other = TWINS[name]
             if getattr(self, other) is not None:
                 raise both_given(other, getattr(self, other), name)
@@ -102,9 +95,14 @@ class PrescribedMotion(Spec, frozen=True):
         return self.angle_deg is None and any(getattr(self, name) is not None for name in IN_METRES_OF_MOTION)
 
     @property
+    def terms(self) -> KindOfJoint:
+        """Names of the joint's coordinate, drive and units."""
+        return OF_JOINT[self.slides]
+
+    @property
     def keys(self) -> tuple[str, str, str]:
         """Keys of position, rate and acceleration."""
-        return IN_METRES_OF_MOTION if self.slides else OF_MOTION
+        return self.terms.motion
 
     @property
     def columns(self) -> tuple[Row, Row, Row]:
@@ -163,18 +161,13 @@ class Wrench(Spec, frozen=True):
         if self.times is None:
             for name, rows in tables.items():
                 if rows is not None:
-                    raise SceneError(f"{name} = {truncated(rows)}: needs times, one per row", id="needs-another-key")
+                    raise self._refused(name, "needs times, one per row", "needs-another-key")
             return
         if self.forces is None and self.moments is None:
-            raise SceneError(
-                f"times = {truncated(self.times)}: needs forces, moments or both, one row per time", id="missing-key"
-            )
+            raise self._refused("times", "needs forces, moments or both, one row per time", "missing-key")
         for name in ("force", "moment"):
             if any(getattr(self, name)):
-                raise SceneError(
-                    f"{name} = {truncated(getattr(self, name))}: times are also given; give {name}s, one row per time",
-                    id="one-per-time",
-                )
+                raise self._refused(name, f"times are also given; give {name}s, one row per time", "one-per-time")
 
     @property
     def varies(self) -> bool:
@@ -192,10 +185,8 @@ class Wrench(Spec, frozen=True):
         """
         if self.varies:
             cause = "frame = 'tip'" if self.frame == "tip" else f"times = {truncated(self.times)}"
-            raise SceneError(
-                f"wrench.{cause}: is not constant in frame 0; Trajectory.tip_wrench contains the wrench at the samples",
-                id="load-not-constant",
-            )
+            text = "Trajectory.tip_wrench contains the wrench at the samples"
+            raise SceneError(f"wrench.{cause}: is not constant in frame 0; {text}", id="load-not-constant")
         return np.array([*self.force, *self.moment])
 
     @property

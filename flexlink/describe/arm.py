@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 
 from flexlink.common.errors import ArgumentError, Diagnostic, SceneError
+from flexlink.common.types import Array
 from flexlink.common.wording import did_you_mean, short_list, truncated
+from flexlink.describe.joint_units import Row, in_si, together
 from flexlink.describe.link import Link
 from flexlink.describe.material import BREADTHS, Material, Section
 from flexlink.describe.rigid_body import RigidBody
@@ -41,15 +43,10 @@ class Base(RigidBody, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.kind == "fixed" and (self.mass or any(self.inertia)):
-            raise SceneError(
-                f"mass = {self.mass!r}: a fixed base has no mass; kind = 'free' makes it float", id="base-mass"
-            )
+            raise self._refused("mass", "a fixed base has no mass; kind = 'free' makes it float", "base-mass")
         if self.kind == "free" and not (self.mass and self.principal_moments[0] > 0):
-            raise SceneError(
-                f"mass = {self.mass!r}, inertia = {truncated(self.inertia)}: a free base needs mass, and inertia "
-                "about every axis",
-                id="base-mass",
-            )
+            text = f"mass = {self.mass!r}, inertia = {truncated(self.inertia)}"
+            raise SceneError(f"{text}: a free base needs mass, and inertia about every axis", id="base-mass")
 
     @property
     def free(self) -> bool:
@@ -96,53 +93,43 @@ class Arm(Spec, frozen=True):
     def _mistakes(self) -> Iterator[Diagnostic]:
         """Inconsistencies between links, materials, sections and tables."""
         seen, joints = set[str](), dict[str, Link]()
+        tables: dict[str, dict[str, Any]] = {
+            "material": self.materials, "section": self.sections, "rigidity": self.rigidities
+        }  # fmt: skip
         for k, link in enumerate(self.links, 1):
+            path = self.path(k)
             if link.name in seen:
                 yield Diagnostic(f"link.{k}.name = {link.name!r}: names of links must differ", "name-twice")
             if link.on and link.on != BASE and link.on not in seen:
                 before = [BASE, *(each.name for each in self.links[: k - 1])]
                 later = link.on in {each.name for each in self.links}
                 meant = "; a parent comes before its child" if later else did_you_mean(link.on, before)
-                known = ", ".join(before)
-                yield Diagnostic(
-                    f"{self.path(k)}.on = {link.on!r}: no earlier link in the list; allowed are {known}{meant}",
-                    "unknown-name",
-                )
+                text = f"no earlier link in the list; allowed are {', '.join(before)}{meant}"
+                yield Diagnostic(f"{path}.on = {link.on!r}: {text}", "unknown-name")
             seen.add(link.name)
             if link.joint.name or not link.joint.locked:
                 other = joints.setdefault(link.joint_name, link)
                 if other is not link and (link.joint.name or other.joint.name):
-                    what = f"{self.path(k)}.joint.name = {link.joint_name!r}: the joint of {other.name!r}"
+                    what = f"{path}.joint.name = {link.joint_name!r}: the joint of {other.name!r}"
                     yield Diagnostic(f"{what} has this name; names must differ", "name-twice")
-            tables = (
-                ("material", self.materials), ("section", self.sections), ("section_tip", self.sections),
-                ("rigidity", self.rigidities),
-            )  # fmt: skip
-            for key, table in tables:
-                name = getattr(link, key)
-                if name is not None and name not in table:
-                    known = ", ".join(table) or "none"
-                    meant = did_you_mean(name, table) or f"; define [{key.partition('_')[0]}.{name}]"
-                    yield Diagnostic(
-                        f"{self.path(k)}.{key} = {name!r}: not defined; defined are {known}{meant}", "unknown-name"
-                    )
+            for key in ("material", "section", "section_tip", "rigidity"):
+                name, kind = getattr(link, key), key.partition("_")[0]
+                if name is not None and name not in tables[kind]:
+                    meant = did_you_mean(name, tables[kind]) or f"; define [{kind}.{name}]"
+                    text = f"not defined; defined are {', '.join(tables[kind]) or 'none'}{meant}"
+                    yield Diagnostic(f"{path}.{key} = {name!r}: {text}", "unknown-name")
             yield from self._wrong_table(k, link)
             yield from self._wrong_drag(k, link)
-            if link.section_tip is None:
-                continue
             shapes = [self.sections[n].shape for n in (link.section, link.section_tip) if n in self.sections]
             if len(set(shapes)) > 1:
-                path = f"{self.path(k)}.section_tip = {link.section_tip!r}"
-                yield Diagnostic(
-                    f"{path}: is a {shapes[1]}, but {link.section!r} a {shapes[0]}", "section-shapes-differ"
-                )
+                text = f"is a {shapes[1]}, but {link.section!r} a {shapes[0]}"
+                yield Diagnostic(f"{path}.section_tip = {link.section_tip!r}: {text}", "section-shapes-differ")
         if len({link.dh.convention for link in self.links if link.dh is not None}) > 1:
             yield Diagnostic("link.dh.convention: differs between links; use only one", "dh-conventions-differ")
         yield from self._wrong_law()
         if not self.base.free and all(link.joint.locked and not link.elastic for link in self.links):
-            yield Diagnostic(
-                "link: every joint is locked and every link rigid; unlock a joint or let a link bend", "nothing-to-move"
-            )
+            text = "link: every joint is locked and every link rigid; unlock a joint or let a link bend"
+            yield Diagnostic(text, "nothing-to-move")
 
     def _wrong_law(self) -> Iterator[Diagnostic]:
         """Report damping with a constant ratio across a branch or a prismatic joint."""
@@ -164,10 +151,8 @@ class Arm(Spec, frozen=True):
             yield Diagnostic(f"{path}: has no {column}; flex = {link.flex!r} needs it", "rigidity-table")
         # relative tolerance for the end of the table, because the numbers in files are rounded
         if abs(table.x[-1] - link.beam.length) > 1e-6 * link.beam.length:
-            yield Diagnostic(
-                f"{path}: ends at x = {table.x[-1]!r} m; the beam ends at {link.beam.length!r} m; both must be equal",
-                "rigidity-table",
-            )
+            text = f"ends at x = {table.x[-1]!r} m; the beam ends at {link.beam.length!r} m; both must be equal"
+            yield Diagnostic(f"{path}: {text}", "rigidity-table")
 
     def _wrong_drag(self, k: int, link: Link) -> Iterator[Diagnostic]:
         """Report a link with drag whose length or breadth is missing."""
@@ -178,11 +163,10 @@ class Arm(Spec, frozen=True):
             yield Diagnostic(f"{path}: the link has no length; leave drag out", "needs-a-length")
         elif link.drag.breadth is None:
             section = self.sections.get(link.section or "")
-            if link.section is None:
-                reason = "the link has no section from which to take it"
-                yield Diagnostic(f"{path}.breadth: missing; {reason}", "missing-key")
-            elif section is not None and section.shape not in BREADTHS:
+            reason = "the link has no section from which to take it" if link.section is None else ""
+            if section is not None and section.shape not in BREADTHS:
                 reason = f"a {section.shape} section, {link.section!r}, does not define it"
+            if reason:
                 yield Diagnostic(f"{path}.breadth: missing; {reason}", "missing-key")
 
     @property
@@ -208,6 +192,14 @@ class Arm(Spec, frozen=True):
     def slides(self) -> tuple[bool, ...]:
         """Whether each link's joint is prismatic."""
         return tuple(link.joint.slides for link in self.links)
+
+    def own(self, deg: Row | None, m: Row | None) -> Row:
+        """Lists in both units as one number per link, in its joint's own unit, deg or m; zero if not given."""
+        return together(self.slides, deg, m)
+
+    def in_si(self, own: Row) -> Array:
+        """Numbers in the joints' own units, converted to rad or m."""
+        return in_si(self.slides, own)
 
     @property
     def tips(self) -> tuple[int, ...]:
@@ -254,29 +246,11 @@ class Arm(Spec, frozen=True):
 
 
 def link_number(argument: str, value: object, names: Sequence[str]) -> int:
-    """Number, from 1, of the link given by its name or number.
-
-    Parameters
-    ----------
-    argument
-        Name of the argument, for the message.
-    value
-        A link's name, or its number from 1 to len(names).
-    names
-        Names of the links, from the base outward.
-
-    Raises
-    ------
-    ArgumentError
-        There is no such link; the message lists the existing ones.
-    """
+    """Number, from 1, of the link given by its name or number; `argument` names it in the message."""
     wanted = to_builtin(value)
     if isinstance(wanted, str) and wanted in names:
         return names.index(wanted) + 1
     if type(wanted) is int and 1 <= wanted <= len(names):
         return wanted
-    raise ArgumentError(
-        f"{argument} = {truncated(value)}: no link of this arm; allowed are {short_list(names)}, or 1 … {len(names)}"
-        f"{did_you_mean(wanted, names)}",
-        id="unknown-link",
-    )
+    text = f"allowed are {short_list(names)}, or 1 … {len(names)}{did_you_mean(wanted, names)}"
+    raise ArgumentError(f"{argument} = {truncated(value)}: no link of this arm; {text}", id="unknown-link")

@@ -23,35 +23,18 @@ def names(folder: str) -> tuple[str, ...]:
 
 
 def load(folder: str, key: str, name: str, kind: type[T]) -> T:
-    """Load a description of a `Spec` type by name, or from the user's file if `name` ends in ".toml".
+    """Load a description of a type by the name in a folder of `data`, or from the user's file if it ends in ".toml".
 
-    Parameters
-    ----------
-    folder
-        "methods" or "lumping".
-    key
-        Key of the scene whose value is `name`, for messages.
-    name
-        Name of a built-in description, or a path.
-    kind
-        Type to decode.
-
-    Raises
-    ------
-    ArgumentError
-        Unknown name; the message lists the known ones.
-    DataFileError
-        The file is missing or invalid.
+    Messages name the `key` of the scene whose value is the name.
     """
-    if not isinstance(name, str) or not (is_user_file(name) or _is_ours(folder, name)):
+    path = Path(absolute(name)) if is_user_file(name) else _ours(folder, str(name))
+    if path is None:
         known = names(folder)
-        raise ArgumentError(
-            f"{key} = {truncated(name)}: unknown; allowed are {', '.join(known)} or a path ending in .toml"
-            f"{did_you_mean(_called_elsewhere(folder, name) or name, known)}",
-            id="unknown-name",
-        )
+        near = did_you_mean(_called_elsewhere(folder, name) or name, known)
+        allowed = f"allowed are {', '.join(known)} or a path ending in .toml"
+        raise ArgumentError(f"{key} = {truncated(name)}: unknown; {allowed}{near}", id="unknown-name")
     try:
-        description: T = _of_user(name, kind) if is_user_file(name) else _of_ours(folder, name, cast("Any", kind))
+        description: T = _decoded(path, _version(path) if is_user_file(name) else (), cast("Any", kind))
     except (SceneError, OSError, ValueError) as error:
         raise DataFileError(f"{key} = {truncated(name)}: {error}") from None
     return description
@@ -66,30 +49,21 @@ def _called_elsewhere(folder: str, name: object) -> str | None:
 
 
 @functools.lru_cache(maxsize=256)
-def _is_ours(folder: str, name: str) -> bool:
-    """Whether a built-in description has this name; looks for its file, once, instead of listing the folder."""
-    return Path(name).name == name and (DATA / folder / f"{name}.toml").is_file()
-
-
-@functools.cache
-def _of_ours(folder: str, name: str, kind: Any) -> Any:
-    return _decoded(DATA / folder / f"{name}.toml", (), kind)
-
-
-def _of_user(name: str, kind: Any) -> Any:
-    """Load a description from a user's file, which is read again only if it has changed."""
-    path = Path(absolute(name))
-    return _decoded(path, _version(path), kind)
+def _ours(folder: str, name: str) -> Path | None:
+    """The file of a built-in description, or None; looks for the file, once, instead of listing the folder."""
+    path = DATA / folder / f"{name}.toml"
+    return path if Path(name).name == name and path.is_file() else None
 
 
 def _version(path: Path) -> tuple[int, ...]:
+    """What differs after a user's file has changed."""
     if not path.exists():
         return ()
     status = path.stat()
     return status.st_mtime_ns, status.st_size, status.st_ino
 
 
-@functools.lru_cache(maxsize=64)
+@functools.lru_cache(maxsize=256)
 def _decoded(path: Path, _version: tuple[int, ...], kind: Any) -> Any:
     """Decode a file, and decode it again only after it has changed."""
     raw = read_toml(path)

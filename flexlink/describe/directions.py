@@ -15,13 +15,7 @@ from flexlink.describe.spec import Vector3
 
 
 def unit(key: str, vector: Vector3 | Array) -> Array:
-    """Return the unit vector along a vector, shape (3,), without rounding errors along a coordinate axis.
-
-    Raises
-    ------
-    SceneError
-        The vector, called `key` in the message, is zero.
-    """
+    """Return the unit vector along a vector, shape (3,), without rounding errors along a coordinate axis."""
     largest = max(map(abs, vector))
     if largest == 0:
         raise SceneError(f"{key} = {truncated(vector)}: a direction must not be zero", id="zero-direction")
@@ -48,27 +42,19 @@ def line_of(ends: tuple[Vector3, Vector3], up: Vector3 | None, axis: Array) -> L
     x points along the line, z is the component of `up` perpendicular to it, y = z × x. The default of `up` is `axis`,
     the joint's unit vector, so a beam that bends about z stays in the plane of the joint's rotation. If the axis is
     parallel to the line, `up` is z of the link's frame, or y for a line within 45° of z.
-
-    Raises
-    ------
-    SceneError
-        The line has zero length or overflows float64, or `up` is parallel to it.
     """
     start, stop = np.array(ends)
     with np.errstate(over="ignore"):  # overflow is checked below
         along = stop - start
     length = math.hypot(*along)
     if not 0 < length < math.inf:
-        raise SceneError(
-            f"line = {truncated(ends)}: has length {length:g} m; must be positive and finite", id="no-length"
-        )
+        why = f"line = {truncated(ends)}: has length {length:g} m; must be positive and finite"
+        raise SceneError(why, id="no-length")
     x = unit("line", along)
     z = _across(x, axis if up is None else unit("up", up))
     if z is None and up is not None:
-        raise SceneError(
-            f"up = {truncated(up)}: is parallel to the line; must point across it, along the section's z",
-            id="up-along-line",
-        )
+        text = f"up = {truncated(up)}: is parallel to the line; must point across it, along the section's z"
+        raise SceneError(text, id="up-along-line")
     if z is None:
         z = _across(x, np.eye(3)[2 if x[2] ** 2 < 0.5 else 1])
         assert z is not None  # x is at least 45° from this axis, so z exists

@@ -8,12 +8,11 @@ from typing import Annotated, Literal
 import msgspec
 
 from flexlink.common.errors import Diagnostic, SceneError
-from flexlink.common.wording import both_given, did_you_mean, truncated
+from flexlink.common.wording import both_given, did_you_mean, missing, truncated
 from flexlink.describe.filters import Filter
 from flexlink.describe.numbers import check_table
 from flexlink.describe.reference import Reference
 from flexlink.describe.spec import (
-    ONE_PER_LINK,
     NonNegative,
     NonNegativePerLink,
     PerLink,
@@ -78,10 +77,10 @@ class Drive(Spec, frozen=True):
     """For a table, or a feedforward table of pd or cascade: a CSV file instead of `times` and `torques`, with headers
     "t [s]" and "tau NAME [N m]" for every driven joint. The path is relative to the scene's folder; the file is read
     once, with the scene."""
-    kp: Annotated[tuple[NonNegative, ...], ONE_PER_LINK] | None = None
+    kp: NonNegativePerLink | None = None
     """For a controller: position gains, one per link [N m/rad; N/m]; for computed_torque [1/s²]; for
     cascade [1/s]."""
-    kd: Annotated[tuple[NonNegative, ...], ONE_PER_LINK] | None = None
+    kd: NonNegativePerLink | None = None
     """For a controller: rate gains, one per link [N m s/rad; N s/m]; for computed_torque [1/s]."""
     target_deg: Annotated[PerLink | None, measured_in("deg")] = None
     """For a controller: target angles of the joints, one per link [deg]."""
@@ -129,9 +128,9 @@ class Drive(Spec, frozen=True):
             "pd": ("kp", "kd", towards), "computed_torque": ("kp", "kd", towards),
             "cascade": ("kp", "kd", "rate", towards),
         }[self.kind]  # fmt: skip
+        of_cascade = ("ki", "rate_feedforward", "inertia", "max_rate_deg", "max_rate_m")
         may: tuple[str, ...] = ("target_m",) if towards == "target_deg" in wanted else ()
         may += ("times", "torques", "file") if self.kind in {"pd", "cascade"} else ()
-        of_cascade = ("ki", "rate_feedforward", "inertia", "max_rate_deg", "max_rate_m")
         may += of_cascade if self.kind == "cascade" else ()
         for name in ("torque", "times", "torques", "file", "kp", "kd", "target_deg", "target_m", "reference"):
             self._check_key(name, wanted, may)
@@ -144,18 +143,14 @@ class Drive(Spec, frozen=True):
         if self.file is None:
             check_table(self.times, {"torques": self.torques}, smooth=self.smooth, hold=self.hold)
         if self.gravity != "none" and self.kind not in {"pd", "cascade"}:
-            raise SceneError(f"gravity = {self.gravity!r}: needs drive kind 'pd' or 'cascade'", id="needs-pd")
+            raise self._refused("gravity", "needs drive kind 'pd' or 'cascade'", "needs-pd")
         if self.kind in {"pd", "cascade"}:
             self._check_feedforward()
         if self.rate is not None and self.kind == "none":
-            raise SceneError(
-                f"rate = {self.rate!r}: has no effect with drive kind 'none'; leave rate out", id="no-effect"
-            )
+            raise self._refused("rate", "has no effect with drive kind 'none'; leave rate out", "no-effect")
         if self.delay and self.rate is None:
-            raise SceneError(
-                f"delay = {self.delay!r}: needs rate, the sampling rate of the controller [Hz], such as rate = 1000",
-                id="needs-another-key",
-            )
+            why = "needs rate, the sampling rate of the controller [Hz], such as rate = 1000"
+            raise self._refused("delay", why, "needs-another-key")
 
     @property
     def controls(self) -> bool:
@@ -180,15 +175,15 @@ class Drive(Spec, frozen=True):
         takes = ", ".join(forms.get(key, key) for key in wanted) or "nothing else"
         takes = f"drive kind {self.kind!r} takes {takes}"
         if value is None:
-            raise SceneError(f"{name}: missing; {takes}", id="missing-key")
+            raise missing(name, takes)
         raise SceneError(f"{name} = {truncated(value)}: {takes}{other}", id="key-of-another-kind")
 
     def _check_feedforward(self) -> None:
         """Check the feedforward table of a pd or cascade drive."""
         given = [name for name in ("times", "torques", "file") if getattr(self, name) is not None]
         if self.file is None and len(given) == 1:
-            missing = "torques" if self.times is not None else "times"
-            raise SceneError(f"{missing}: missing; a feedforward table has times and torques", id="missing-key")
+            other = "torques" if self.times is not None else "times"
+            raise missing(other, "a feedforward table has times and torques")
         if self.file is not None and len(given) > 1:
             raise both_given("file", self.file, given[0])
         if given and self.gravity != "none":

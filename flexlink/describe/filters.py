@@ -8,7 +8,7 @@ from typing import Annotated
 import msgspec
 
 from flexlink.common.errors import SceneError
-from flexlink.common.wording import both_given, truncated
+from flexlink.common.wording import both_given, missing
 from flexlink.describe.spec import LARGE, SMALL, Deviation, Spec, measured_in
 
 Frequency = Annotated[float, msgspec.Meta(gt=0, le=LARGE)]
@@ -51,59 +51,44 @@ class Filter(Spec, frozen=True):
         super().__post_init__()
         self._check_kind()
         if self.numerator is not None and self.denominator is not None:
-            _check_transfer(self.numerator, self.denominator)
+            self._check_transfer(self.numerator, self.denominator)
 
     def _check_kind(self) -> None:
         """Check that the keys describe exactly one filter."""
         kinds = {"low_pass": ("order", "damping"), "notch": ("damping",), "numerator": ("denominator",)}
         given = [key for key in kinds if getattr(self, key) is not None]
         if not given:
-            raise SceneError("low_pass: missing; a filter needs low_pass, notch or numerator", id="missing-key")
+            raise missing("low_pass", "a filter needs low_pass, notch or numerator")
         if len(given) > 1:
             raise both_given(given[1], getattr(self, given[1]), given[0], "write two filters, one after the other")
         for key in ("order", "damping", "denominator"):
             value = getattr(self, key)
             if value is not None and key not in kinds[given[0]]:
-                raise SceneError(
-                    f"{key} = {truncated(value)}: a filter by {given[0]} takes {' and '.join(kinds[given[0]])}",
-                    id="key-of-another-kind",
-                )
+                takes = f"a filter by {given[0]} takes {' and '.join(kinds[given[0]])}"
+                raise self._refused(key, takes, "key-of-another-kind")
         needed = {"notch": "damping", "numerator": "denominator"}.get(given[0])
         if needed and getattr(self, needed) is None:
-            raise SceneError(f"{needed}: missing; a filter by {given[0]} needs it", id="missing-key")
+            raise missing(needed, f"a filter by {given[0]} needs it")
         if self.damping is not None and self.order not in {None, 2}:
-            raise SceneError(
-                f"order = {self.order!r}: with damping = {self.damping!r} the order is 2; leave one of them out",
-                id="both-given",
-            )
+            why = f"with damping = {self.damping!r} the order is 2; leave one of them out"
+            raise self._refused("order", why, "both-given")
 
-
-def _check_transfer(numerator: tuple[float, ...], denominator: tuple[float, ...]) -> None:
-    """Check that a transfer function is proper and stable, and has a finite static gain."""
-    if abs(denominator[0]) < SMALL:
-        raise SceneError(
-            f"denominator[0] = {denominator[0]!r}: must not be 0; leave out leading zeros, and give at least {SMALL:g}",
-            id="filter-improper",
-        )
-    zeros = next((k for k, b in enumerate(numerator) if b), len(numerator) - 1)
-    order, highest = len(denominator) - 1, len(numerator) - 1 - zeros
-    if highest > order:
-        raise SceneError(
-            f"numerator = {truncated(numerator)}: improper: of degree {highest}, above the {order} of the denominator; "
-            "give a denominator of at least this degree",
-            id="filter-improper",
-        )
-    if abs(denominator[-1]) < SMALL:
-        raise SceneError(
-            f"denominator = {truncated(denominator)}: has a root at s = 0, so the static gain is not finite; the last "
-            f"coefficient must be at least {SMALL:g}",
-            id="filter-static-gain",
-        )
-    if not is_stable(denominator):
-        raise SceneError(
-            f"denominator = {truncated(denominator)}: unstable; all its roots must have negative real parts",
-            id="filter-unstable",
-        )
+    def _check_transfer(self, numerator: tuple[float, ...], denominator: tuple[float, ...]) -> None:
+        """Check that a transfer function is proper and stable, and has a finite static gain."""
+        if abs(denominator[0]) < SMALL:
+            remedy = f"leave out leading zeros, and give at least {SMALL:g}"
+            raise SceneError(f"denominator[0] = {denominator[0]!r}: must not be 0; {remedy}", id="filter-improper")
+        zeros = next((k for k, b in enumerate(numerator) if b), len(numerator) - 1)
+        order, highest = len(denominator) - 1, len(numerator) - 1 - zeros
+        if highest > order:
+            why = f"improper: of degree {highest}, above the {order} of the denominator"
+            raise self._refused("numerator", f"{why}; give a denominator of at least this degree", "filter-improper")
+        if abs(denominator[-1]) < SMALL:
+            why = "has a root at s = 0, so the static gain is not finite; the last coefficient must be at least"
+            raise self._refused("denominator", f"{why} {SMALL:g}", "filter-static-gain")
+        if not is_stable(denominator):
+            why = "unstable; all its roots must have negative real parts"
+            raise self._refused("denominator", why, "filter-unstable")
 
 
 def is_stable(polynomial: tuple[float, ...]) -> bool:

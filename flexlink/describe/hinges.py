@@ -17,15 +17,7 @@ from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
 
 
 def hinges_of(arm: Arm) -> list[tuple[Array, Array]]:
-    """Nodes and weights of every link's lumping rule, shape (segments − 1,) each; empty for a rigid link.
-
-    Raises
-    ------
-    SceneError
-        The rule is unknown or does not exist for this number of hinges, or a hinge has no inertia on one side.
-    DataFileError
-        A user's rule file is invalid.
-    """
+    """Nodes and weights of every link's lumping rule, shape (segments − 1,) each; empty for a rigid link."""
     if any(is_user_file(link.lumping) for link in arm.links):  # not cached: the file may change
         return _of_all(arm)
     return HINGES(arm.links, None, lambda: _of_all(arm))
@@ -51,20 +43,24 @@ def _hinges_of(link: Link) -> tuple[Array, Array]:
     _check_root(link)
     if link.flex == "rigid":
         return np.empty(0), np.empty(0)
-    nodes, weights = _hinges(rule, link)
+    count = link.segments - 1
+    try:
+        nodes, weights = _placed(rule, count)
+    except ArgumentError as error:
+        default = ", the default," * (link.lumping == Link(name="any").lumping)
+        given = f"segments = {link.segments}, so {count} hinge{'s' * (count != 1)}"
+        raise SceneError(f"{given}: rule {link.lumping!r}{default} {error}") from None
     if nodes[0] == 0 and link.root_springs:
-        raise SceneError(
-            f"lumping = {link.lumping!r}: puts a hinge on the springs of root_stiffness, with no inertia between them; "
-            "use a rule without a hinge at the root, such as 'gauss' or 'gregory'",
-            id="hinge-without-inertia",
+        text = (
+            f"lumping = {link.lumping!r}: puts a hinge on the springs of root_stiffness, with no inertia between them"
         )
-    if nodes[0] == 0 and not _stands_alone(link):
+        remedy = "use a rule without a hinge at the root, such as 'gauss' or 'gregory'"
+        raise SceneError(f"{text}; {remedy}", id="hinge-without-inertia")
+    if nodes[0] == 0 and not link.joint.backs(link.hub):
         raise SceneError(f"lumping = {link.lumping!r}: puts a hinge on {_bare(link)}", id="hinge-without-inertia")
     if nodes[-1] == 1:
-        raise SceneError(
-            f"lumping = {link.lumping!r}: puts a hinge at the link's end, with no inertia beyond it",
-            id="hinge-without-inertia",
-        )
+        text = f"lumping = {link.lumping!r}: puts a hinge at the link's end, with no inertia beyond it"
+        raise SceneError(text, id="hinge-without-inertia")
     return nodes, weights
 
 
@@ -74,44 +70,19 @@ def _check_root(link: Link) -> None:
         return
     axis, lever = link.joint.direction, link.beam.start
     sprung = np.array([name in link.root_springs for name in ROOT_AXES])
-    if axis[~sprung].any() or np.cross(axis, lever).any() or _stands_alone(link):
+    if axis[~sprung].any() or np.cross(axis, lever).any() or link.joint.backs(link.hub):
         return
-    raise SceneError(
-        f"root_stiffness: turns about the axis {truncated(link.joint.axis)} of {_bare(link)}", id="root-stiffness-axis"
-    )
+    text = f"root_stiffness: turns about the axis {truncated(link.joint.axis)} of {_bare(link)}"
+    raise SceneError(text, id="root-stiffness-axis")
 
 
 def _bare(link: Link) -> str:
     """End of a message: the joint or gear before the beam, with no inertia in between, and how to add inertia."""
     between = "with no inertia between the two"
     if link.joint.gear_stiffness is not None:
-        return (
-            f"the elastic gear, {between}: the armature is on the motor side; give the link a hub with inertia "
-            "about the joint's axis, or leave gear_stiffness out"
-        )
+        remedy = "give the link a hub with inertia about the joint's axis, or leave gear_stiffness out"
+        return f"the elastic gear, {between}: the armature is on the motor side; {remedy}"
     return f"the free joint, {between}; lock the joint, or give it an armature or a hub"
-
-
-def _stands_alone(link: Link) -> bool:
-    """Whether a hinge at the beam's root has a fixed support or inertia on its other side; also if the joint slides."""
-    joint = link.joint
-    if joint.slides and not joint.locked:
-        return True
-    supported = joint.gear_stiffness is None and bool(joint.locked or joint.armature)
-    return supported or link.hub.about(joint.direction) > 0
-
-
-def _hinges(rule: LumpingRule, link: Link) -> tuple[Array, Array]:
-    # name of the default rule, which the message marks as the default
-    default = Link(name="any").lumping
-    count = link.segments - 1
-    try:
-        return _placed(rule, count)
-    except ArgumentError as error:
-        name = f"{link.lumping!r}{', the default,' if link.lumping == default else ''}"
-        raise SceneError(
-            f"segments = {link.segments}, so {count} hinge{'s' * (count != 1)}: rule {name} {error}"
-        ) from None
 
 
 @functools.lru_cache(maxsize=64)
@@ -119,9 +90,7 @@ def _placed(rule: LumpingRule, count: int) -> tuple[Array, Array]:
     """Nodes and weights, read-only because scenes of a sweep share them."""
     nodes, weights = rule.hinges(count)
     if not ((np.diff(nodes) > 0).all() and np.isfinite([nodes, weights]).all() and (weights > 0).all()):
-        raise ArgumentError(
-            "has spacings or weights below float64 resolution; use fewer segments or another rule",
-            id="rule-resolution",
-        )
+        text = "has spacings or weights below float64 resolution; use fewer segments or another rule"
+        raise ArgumentError(text, id="rule-resolution")
     nodes.flags.writeable = weights.flags.writeable = False
     return nodes, weights

@@ -6,10 +6,8 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import both_given
-from flexlink.describe.joint_units import Row, Slides, together
 from flexlink.describe.spec import NonNegative, PerLink, Spec, Vector3, measured_in
 
 
@@ -42,9 +40,7 @@ class BaseState(Spec, frozen=True):
             if getattr(self, name) is not None and any(getattr(self, other)):
                 raise both_given(name, getattr(self, name), other)
         if self.quaternion is not None and not any(self.quaternion):
-            raise SceneError(
-                "quaternion = (0.0, 0.0, 0.0, 0.0): must not be zero; no rotation is [1, 0, 0, 0]", id="zero-direction"
-            )
+            raise self._refused("quaternion", "must not be zero; no rotation is [1, 0, 0, 0]", "zero-direction")
 
     @property
     def rates(self) -> Array:
@@ -94,16 +90,11 @@ class InitialState(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.q is not None and self.passive == "static":
-            raise SceneError(
-                "passive = 'static': computes the hinge angles, but q is also given; specify only one", id="both-given"
-            )
+            why = "computes the hinge angles, but q is also given; specify only one"
+            raise self._refused("passive", why, "both-given")
         for name in ("rate_deg", "rate_m"):
             if self.qd is not None and getattr(self, name) is not None:
                 raise both_given("qd", self.qd, name)
-
-    def own(self, name: str, slides: Slides) -> Row:
-        """Initial position ("joint") or rate ("rate") of each link's joint, in deg or m (per s); zero if not given."""
-        return together(slides, getattr(self, f"{name}_deg") or None, getattr(self, f"{name}_m"))
 
     @property
     def positions_m(self) -> tuple[float, ...]:

@@ -12,8 +12,9 @@ from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import both_given, truncated
 from flexlink.describe.directions import unit
-from flexlink.describe.joint_units import OF_JOINT, in_joint_units
+from flexlink.describe.joint_units import OF_JOINT, KindOfJoint, in_joint_units
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
+from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.shaping import MOST_IMPULSES
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, measured_in
 
@@ -80,31 +81,26 @@ class Joint(Spec, frozen=True):
         self.direction  # noqa: B018  refuses a zero axis
         other = "limits_deg" if self.slides else "limits_m"
         if getattr(self, other) is not None:
-            raise SceneError(
-                f"{other} = {getattr(self, other)}: a {self.kind} joint takes {self.limits_key}",
-                id="key-of-another-kind",
-            )
+            raise self._refused(other, f"a {self.kind} joint takes {self.limits_key}", "key-of-another-kind")
         if self.limits is not None and self.limits[0] >= self.limits[1]:
-            raise SceneError(
-                f"{self.limits_key} = {self.limits}: the lower limit must be less than the upper", id="limits-order"
-            )
+            raise self._refused(self.limits_key, "the lower limit must be less than the upper", "limits-order")
         if self.viscous_lag and not self.viscous:
-            raise SceneError(
-                f"viscous_lag = {self.viscous_lag!r}: needs a viscous friction > 0", id="needs-another-key"
-            )
+            raise self._refused("viscous_lag", "needs a viscous friction > 0", "needs-another-key")
         if self.gear_stiffness is None and self.gear_damping:
-            raise SceneError(f"gear_damping = {self.gear_damping!r}: needs a gear_stiffness", id="needs-another-key")
+            raise self._refused("gear_damping", "needs a gear_stiffness", "needs-another-key")
         if self.gear_stiffness is not None and not self.armature and not self.locked:
-            raise SceneError(
-                f"armature = {self.armature!r}: gear_stiffness = {self.gear_stiffness!r} needs the motor's inertia, "
-                "because there is no other inertia between motor and gear (default: 0)",
-                id="needs-another-key",
-            )
+            needs = f"gear_stiffness = {self.gear_stiffness!r} needs the motor's inertia, because there is no other"
+            raise self._refused("armature", f"{needs} inertia between motor and gear (default: 0)", "needs-another-key")
 
     @property
     def slides(self) -> bool:
         """Whether the joint is prismatic."""
         return self.kind == "prismatic"
+
+    @property
+    def terms(self) -> KindOfJoint:
+        """Names of the joint's coordinate, drive and units."""
+        return OF_JOINT[self.slides]
 
     @property
     def lags(self) -> bool:
@@ -120,6 +116,13 @@ class Joint(Spec, frozen=True):
     def limits(self) -> tuple[float, float] | None:
         """The joint's limits [deg]; for a prismatic joint [m]."""
         return self.limits_m if self.slides else self.limits_deg
+
+    def backs(self, hub: RigidBody) -> bool:
+        """Whether a hinge at the beam's root has a fixed support or inertia on its other side, or the joint slides."""
+        if self.slides and not self.locked:
+            return True
+        supported = self.gear_stiffness is None and bool(self.locked or self.armature)
+        return supported or hub.about(self.direction) > 0
 
     def position(self, deg: float, m: float) -> float:
         """The joint's coordinate [rad], or [m] if it slides, from its link's entries in the lists in deg and m."""
@@ -206,20 +209,13 @@ def outside_limits(name: str, joint: Joint, position: float) -> str:
 
 
 def refuse_beyond(course: ReferenceTrajectory, joints: Sequence[tuple[str, Joint]]) -> None:
-    """Refuse a reference trajectory whose smallest or largest positions exceed the limits of these joints.
-
-    Raises
-    ------
-    SceneError
-        The message names the link, the angle reached and the limits.
-    """
+    """Refuse a reference trajectory whose smallest or largest positions exceed the limits of these joints."""
     rounding = MOST_IMPULSES * np.finfo(float).eps  # an angle may be the sum of MOST_IMPULSES terms
     reached = in_joint_units([joint.slides for _, joint in joints], course.extremes())
     for (name, joint), *extremes in zip(joints, *reached, strict=True):
         low, high = joint.limits or (-math.inf, math.inf)
         for position in extremes:
             if max(low - position, position - high) > rounding * np.abs(extremes).max():
-                reason = f"outside {joint.limits_key} = {[low, high]} of the joint of {name!r}"
-                raise SceneError(
-                    f"reaches {position:.9g} {OF_JOINT[joint.slides].unit}: {reason}", id="wrench-out-of-reach"
-                )
+                at = f"reaches {position:.9g} {joint.terms.unit}"
+                outside = f"outside {joint.limits_key} = {[low, high]} of the joint of {name!r}"
+                raise SceneError(f"{at}: {outside}", id="wrench-out-of-reach")

@@ -6,7 +6,6 @@ other list has 0 in its place. Both lists are merged into one in the joints' own
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
@@ -20,19 +19,17 @@ Slides = tuple[bool, ...]
 """For each link, whether its joint is prismatic."""
 
 IN_METRES = {
-    "joint_deg": "joint_m",
-    "rate_deg": "rate_m",
-    "target_deg": "target_m",
-    "to_deg": "to_m",
-    "from_deg": "from_m",
-    "max_rate_deg": "max_rate_m",
-    "max_acceleration_deg": "max_acceleration_m",
-    "max_jerk_deg": "max_jerk_m",
-    "angle_deg": "position_m",
-    "acceleration_deg": "acceleration_m",
-}
+    "joint_deg": "joint_m", "rate_deg": "rate_m", "target_deg": "target_m", "to_deg": "to_m", "from_deg": "from_m",
+    "max_rate_deg": "max_rate_m", "max_acceleration_deg": "max_acceleration_m", "max_jerk_deg": "max_jerk_m",
+    "angle_deg": "position_m", "acceleration_deg": "acceleration_m",
+}  # fmt: skip
 """Keys in degrees, with their twins in metres."""
 TWINS = IN_METRES | {m: deg for deg, m in IN_METRES.items()}
+
+
+def fits_joint(key: str, kind: str | None) -> bool:
+    """Whether a list has numbers of joints of a kind; without a kind, they are revolute."""
+    return key not in TWINS or (kind == "prismatic") != (key in IN_METRES)
 
 
 def together(slides: Slides, deg: Row | None, m: Row | None) -> Row:
@@ -48,15 +45,6 @@ def together(slides: Slides, deg: Row | None, m: Row | None) -> Row:
 def in_si(slides: Sequence[bool] | NDArray[np.bool_], own: ArrayLike) -> Array:
     """Convert from the joints' own units, deg or m, to rad or m; joints are along the last axis."""
     return np.where(slides, own, np.radians(own)) if any(slides) else np.radians(own)
-
-
-def row_in_si(slides: Slides, own: Row) -> list[float]:
-    """`in_si` for one row, as a list; ten times as fast for few numbers.
-
-    >>> row_in_si((False, True), (180.0, 2.0))
-    [3.141592653589793, 2.0]
-    """
-    return [number if s else math.radians(number) for s, number in zip(slides, own, strict=True)]
 
 
 def in_joint_units(slides: Sequence[bool] | NDArray[np.bool_], si: ArrayLike) -> Array:
@@ -88,7 +76,10 @@ def in_words(slides: bool, si: float, form: str = ".6g") -> str:
 
 
 class KindOfJoint(NamedTuple):
-    """Names of a kind of joint, of its coordinate and drive, and of their units, in scenes and in SI."""
+    """Names of a kind of joint, of its coordinate and drive, and of their units, in scenes and in SI; what it does.
+
+    `motion` has the keys of its position, rate and acceleration in a scene.
+    """
 
     name: str
     unit: str
@@ -96,10 +87,15 @@ class KindOfJoint(NamedTuple):
     torque: str
     place: str
     load: str
+    moves: str
+    motion: tuple[str, str, str]
 
 
+OF_MOTION = "angle_deg", "rate_deg", "acceleration_deg"
+"""Keys of angle, rate and acceleration in a scene."""
+IN_METRES_OF_MOTION = "position_m", "rate_m", "acceleration_m"
 OF_JOINT = {
-    False: KindOfJoint("revolute", "deg", "rad", "N m", "angle", "torque"),
-    True: KindOfJoint("prismatic", "m", "m", "N", "position", "force"),
+    False: KindOfJoint("revolute", "deg", "rad", "N m", "angle", "torque", "turns", OF_MOTION),
+    True: KindOfJoint("prismatic", "m", "m", "N", "position", "force", "slides", IN_METRES_OF_MOTION),
 }
 """Kinds of joints, by whether they slide."""

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from flexlink.common.errors import SceneError
-from flexlink.common.wording import both_given, truncated
+from flexlink.common.wording import both_given, missing, truncated
 from flexlink.data import documents
 from flexlink.describe.directions import Line, line_of, unit
 from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
@@ -149,16 +149,13 @@ class Link(Spec, frozen=True):
         if not self.name:
             raise SceneError("name = '': must not be empty", id="empty-name")
         if (self.material is None) != (self.section is None):
-            missing, given = ("section", "material") if self.section is None else ("material", "section")
-            other = f"{given} = {getattr(self, given)!r}"
+            absent, given = ("section", "material") if self.section is None else ("material", "section")
             both = "give both, or neither for a massless link" if self.flex == "rigid" else "a flexible link needs both"
-            raise SceneError(f"{missing}: missing; {other} is given: {both}", id="missing-key")
+            raise missing(absent, f"{given} = {getattr(self, given)!r} is given: {both}")
         if self.rigidity is not None and self.material is not None:
             raise both_given("rigidity", self.rigidity, f"material = {self.material!r}")
         if self.section_tip is not None and self.section is None:
-            raise SceneError(
-                f"section_tip = {self.section_tip!r}: also needs a section at the joint", id="needs-another-key"
-            )
+            raise self._refused("section_tip", "also needs a section at the joint", "needs-another-key")
         if self.line is not None and self.length:
             raise both_given("length", self.length, f"line = {truncated(self.line)}")
         if self.dh is not None and (self.joint.direction != (0.0, 0.0, 1.0)).any():
@@ -166,9 +163,8 @@ class Link(Spec, frozen=True):
         for axis in ROOT_AXES:
             damping = getattr(self.root_damping, axis, 0.0)
             if damping and axis not in self.root_springs:
-                raise SceneError(
-                    f"root_damping.{axis} = {damping!r}: needs a root_stiffness.{axis}", id="needs-another-key"
-                )
+                given = f"root_damping.{axis} = {damping!r}"
+                raise SceneError(f"{given}: needs a root_stiffness.{axis}", id="needs-another-key")
         length = self.beam.length
         if self.flex != "rigid":
             self._check_flexible(length)
@@ -181,49 +177,31 @@ class Link(Spec, frozen=True):
             given = segments if self.segments != 1 else "modes: a rigid link has none"
             raise SceneError(f"{given}; to make it bend, set flex = 'z', 'yz' or 'xyz'", id="rigid-segments")
         if self.strains:
-            raise SceneError(
-                f"{self._strains}: a rigid link does neither shear nor stretch; set flex = 'z', 'yz' or 'xyz'",
-                id="rigid-strains",
-            )
+            remedy = "set flex = 'z', 'yz' or 'xyz'"
+            text = f"{self._strains}: a rigid link does neither shear nor stretch; {remedy}"
+            raise SceneError(text, id="rigid-strains")
         if self.rigidity is not None and length == 0:
-            raise SceneError(
-                f"length = {self.length!r}: a link with a rigidity needs a length > 0 or a line (default: 0)",
-                id="needs-a-length",
-            )
+            why = "a link with a rigidity needs a length > 0 or a line (default: 0)"
+            raise self._refused("length", why, "needs-a-length")
         if self.material is not None and length == 0:
-            raise SceneError(
-                f"length = {self.length!r}: a link of material {self.material!r} needs a length > 0 or a line; a link "
-                "without length has neither material nor section, but may have a hub",
-                id="needs-a-length",
-            )
+            needs = f"a link of material {self.material!r} needs a length > 0 or a line"
+            bare = "a link without length has neither material nor section, but may have a hub"
+            raise self._refused("length", f"{needs}; {bare}", "needs-a-length")
 
     def _check_flexible(self, length: float) -> None:
         if self.segments < 2:
-            raise SceneError(
-                f"segments = {self.segments}: a flexible link needs at least 2, most rules 3, such as 5 (default: 1)",
-                id="too-few-segments",
-            )
+            why = "a flexible link needs at least 2, most rules 3, such as 5 (default: 1)"
+            raise self._refused("segments", why, "too-few-segments")
         if length == 0:
-            raise SceneError(
-                f"length = {self.length!r}: a flexible link needs a length > 0 or a line (default: 0)",
-                id="needs-a-length",
-            )
+            raise self._refused("length", "a flexible link needs a length > 0 or a line (default: 0)", "needs-a-length")
         if self.material is None and self.rigidity is None:
-            raise SceneError(
-                "material, section: missing; a flexible link needs a material and a section, or a rigidity",
-                id="missing-key",
-            )
-
+            raise missing("material, section", "a flexible link needs a material and a section, or a rigidity")
         if self.modes is not None and self.strains:
-            raise SceneError(
-                f"{self._strains}: modes = {self.modes!r}: strain modes have no shear or stretch; leave out modes",
-                id="modes-without-strains",
-            )
+            why = f"modes = {self.modes!r}: strain modes have no shear or stretch; leave out modes"
+            raise SceneError(f"{self._strains}: {why}", id="modes-without-strains")
         if self.rigidity is not None and self.strains:
-            raise SceneError(
-                f"{self._strains}: rigidity = {self.rigidity!r} has no stiffness for it; use a material and a section",
-                id="strains-need-a-section",
-            )
+            why = f"rigidity = {self.rigidity!r} has no stiffness for it; use a material and a section"
+            raise SceneError(f"{self._strains}: {why}", id="strains-need-a-section")
 
     @property
     def joint_name(self) -> str:

@@ -9,6 +9,7 @@ from typing import Annotated, Literal, NamedTuple
 import msgspec
 
 from flexlink.common.errors import SceneError
+from flexlink.common.wording import missing
 from flexlink.describe.spec import NonNegative, Positive, Spec, measured_in
 
 
@@ -79,17 +80,14 @@ class Section(Spec, frozen=True):
         dimensions = [n for n in self.__struct_fields__ if n != "shape" and getattr(self, n) is not None]
         for name in dimensions:
             if name not in wanted:
-                allowed = ", ".join(wanted)
-                raise SceneError(
-                    f"{name} = {getattr(self, name)!r}: a {self.shape} takes {allowed}", id="key-of-another-kind"
-                )
+                raise self._refused(name, f"a {self.shape} takes {', '.join(wanted)}", "key-of-another-kind")
         for name in wanted:
             if name not in dimensions:
-                raise SceneError(f"{name}: missing; a {self.shape} needs {', '.join(wanted)}", id="missing-key")
+                raise missing(name, f"a {self.shape} needs {', '.join(wanted)}")
         if self.outer is not None and self.inner is not None and self.inner >= self.outer:
-            raise SceneError(f"inner = {self.inner!r}: must be smaller than outer = {self.outer!r}", id="section-walls")
+            raise self._refused("inner", f"must be smaller than outer = {self.outer!r}", "section-walls")
         if self.wall and self.height and self.width and 2 * self.wall >= min(self.height, self.width):
-            raise SceneError(f"wall = {self.wall!r}: must be less than half of height and width", id="section-walls")
+            raise self._refused("wall", "must be less than half of height and width", "section-walls")
         self._check_properties(wanted)
 
     def _check_properties(self, dimensions: tuple[str, ...]) -> None:
@@ -100,9 +98,8 @@ class Section(Spec, frozen=True):
         for name, value in properties.items():
             if not 0 < value < math.inf:
                 values = ", ".join(f"{key} = {getattr(self, key)!r}" for key in dimensions)
-                raise SceneError(
-                    f"{values}: {name} {'underflows' if value == 0 else 'overflows'} float64", id="overflow"
-                )
+                flows = "underflows" if value == 0 else "overflows"
+                raise SceneError(f"{values}: {name} {flows} float64", id="overflow")
 
     @property
     def properties(self) -> SectionProperties:
@@ -146,8 +143,8 @@ class Damping(Spec, frozen=True):
     constant: dampers between all hinges of the links with this law, including root and gear, give every mode the same
     ratio. The ratio is exact in the configuration `initial.joint_deg` and `joint_m` with the joints held, if all
     flexible links have this law; in other configurations it is approximate. A complete state `initial.q`, as in a
-    continued run, does not change the dampers. This law is not available if a branch or a prismatic joint lies between
-    the links with this law.
+    continued run, does not change the dampers. This law needs links in a row whose joints turn, from the first to the
+    last link with this law.
 
     Examples
     --------
@@ -173,11 +170,9 @@ class Damping(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.law == "proportional" and self.at_hz is None:
-            raise SceneError("at_hz: missing; required unless law = 'constant'", id="missing-key")
+            raise missing("at_hz", "required unless law = 'constant'")
         if self.law == "constant" and self.at_hz is not None:
-            raise SceneError(
-                f"at_hz = {self.at_hz!r}: has no effect with law = 'constant'; leave it out", id="no-effect"
-            )
+            raise self._refused("at_hz", "has no effect with law = 'constant'; leave it out", "no-effect")
 
     @property
     def is_constant(self) -> bool:
@@ -232,13 +227,8 @@ def rectangle(height: float, width: float) -> SectionProperties:
     return SectionProperties(area, area * width**2 / 12, area * height**2 / 12, _rectangle_torsion(height, width))
 
 
-def circle(diameter: float) -> SectionProperties:
-    """Solid circle."""
-    return tube(diameter, 0.0)
-
-
-def tube(outer: float, inner: float) -> SectionProperties:
-    """Circular tube with outer and inner diameter."""
+def tube(outer: float, inner: float = 0.0) -> SectionProperties:
+    """Circular tube with outer and inner diameter, or a solid circle."""
     i = math.pi * (outer**4 - inner**4) / 64
     return SectionProperties(math.pi * (outer**2 - inner**2) / 4, i, i, 2 * i)
 
@@ -247,17 +237,8 @@ def box(height: float, width: float, wall: float) -> SectionProperties:
     """Rectangular tube of uniform wall; torsion by Bredt's formula J = 4 A_m² t / s_m, valid for thin walls."""
     h, w = height - 2 * wall, width - 2 * wall
     middle_area, middle_length = (height - wall) * (width - wall), 2 * (height + width - 2 * wall)
-    return SectionProperties(
-        height * width - h * w,
-        (height * width**3 - h * w**3) / 12,
-        (width * height**3 - w * h**3) / 12,
-        4 * middle_area**2 * wall / middle_length,
-    )
-
-
-def general(area: float, i_y: float, i_z: float, torsion: float) -> SectionProperties:
-    """Section of unspecified shape, given by its properties."""
-    return SectionProperties(area, i_y, i_z, torsion)
+    i_y, i_z = (height * width**3 - h * w**3) / 12, (width * height**3 - w * h**3) / 12
+    return SectionProperties(height * width - h * w, i_y, i_z, 4 * middle_area**2 * wall / middle_length)
 
 
 def _rectangle_torsion(a: float, b: float) -> float:
@@ -297,11 +278,8 @@ def _along(m: float) -> float:
 
 
 SHEAR_FACTORS: dict[str, Callable[..., tuple[float, float]]] = {
-    "rectangle": _rectangle_factors,
-    "circle": _tube_factors,
-    "tube": _tube_factors,
-    "box": _box_factors,
-}
+    "rectangle": _rectangle_factors, "circle": _tube_factors, "tube": _tube_factors, "box": _box_factors,
+}  # fmt: skip
 """Shear correction factors κ for forces along y and z: shear stiffness κ G A (Cowper 1966, for ν = 0)."""
 BREADTHS = {
     "rectangle": ("width", "height"), "box": ("width", "height"), "circle": ("diameter", "diameter"),
@@ -310,8 +288,8 @@ BREADTHS = {
 """Dimensions of each shape that face a flow along the section's y, and along its z."""
 SHAPES: dict[str, tuple[Callable[..., SectionProperties], tuple[str, ...]]] = {
     "rectangle": (rectangle, ("height", "width")),
-    "circle": (circle, ("diameter",)),
+    "circle": (tube, ("diameter",)),
     "tube": (tube, ("outer", "inner")),
     "box": (box, ("height", "width", "wall")),
-    "general": (general, ("area", "i_y", "i_z", "torsion")),
+    "general": (SectionProperties, ("area", "i_y", "i_z", "torsion")),
 }

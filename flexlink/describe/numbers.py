@@ -14,43 +14,23 @@ from flexlink.common.wording import plural
 
 
 def require_increasing(name: str, times: Sequence[float]) -> None:
-    """Check that the times of a table increase.
-
-    Raises
-    ------
-    SceneError
-        The table is empty, or a time does not increase; the message names the row.
-    """
+    """Check that the times of a table increase."""
     if not times:
         raise SceneError(f"{name} = (): a table needs at least one row", id="file-empty")
     for k, (before, time) in enumerate(itertools.pairwise(times), 1):
         if not time > before:
-            raise SceneError(
-                f"{name}[{k}] = {time!r}: must be greater than {name}[{k - 1}] = {before!r}; times must increase",
-                id="times-not-increasing",
-            )
+            text = f"{name}[{k}] = {time!r}: must be greater than {name}[{k - 1}] = {before!r}; times must increase"
+            raise SceneError(text, id="times-not-increasing")
 
 
 def require_positive(name: str, number: float, why: str = "") -> None:
-    """Check a number that must be positive in its context; `why` ends the message.
-
-    Raises
-    ------
-    SceneError
-        The number is not positive.
-    """
+    """Check a number that must be positive in its context; `why` ends the message."""
     if not number > 0:
         raise SceneError(f"{name} = {number!r}: must be > 0{why}", id="out-of-range")
 
 
 def numbers(name: str, value: ArrayLike, wanted: str = "real numbers") -> Array:
-    """Return `value` as a new, contiguous float64 array.
-
-    Raises
-    ------
-    ArgumentError
-        `value` is not an array, or contains non-numbers or integers that overflow; the message states what is `wanted`.
-    """
+    """Return `value` as a new, contiguous float64 array."""
     try:
         array = np.array(value)
     except (TypeError, ValueError) as error:
@@ -66,13 +46,7 @@ def numbers(name: str, value: ArrayLike, wanted: str = "real numbers") -> Array:
 def check_table(
     times: tuple[float, ...] | None, tables: Mapping[str, Sequence[object] | None], *, smooth: bool, hold: bool
 ) -> None:
-    """Check that times increase, that every table has one row per time, and that the interpolation is possible.
-
-    Raises
-    ------
-    SceneError
-        A check fails; the message names the key or the row.
-    """
+    """Check that times increase, that every table has one row per time, and that the interpolation is possible."""
     if times is not None:
         require_increasing("times", times)
     if smooth and len(times or ()) < 2:
@@ -105,13 +79,7 @@ def is_whole(ratio: float) -> bool:
 
 
 def whole(name: str, value: float, unit_name: str, unit: float, error: type[FlexlinkError] = SceneError) -> int:
-    """Number of `unit`s in `value`, which must be an integer up to the rounding of decimal input.
-
-    Raises
-    ------
-    SceneError
-        The number is not an integer, or too large for exact integers in float64; raised as `error` if given.
-    """
+    """Number of `unit`s in `value`, which must be an integer up to the rounding of decimal input."""
     if not value / unit < 2**53:
         raise error(f"{name} = {value!r}: must be less than 2**53 times {unit_name} = {unit!r}", id="not-a-multiple")
     number = parts(value, unit)

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.common.types import Array
-from flexlink.common.wording import both_given, plural, truncated
+from flexlink.common.wording import both_given, missing, plural, truncated
 from flexlink.describe import profiles
-from flexlink.describe.joint_units import IN_METRES, OF_JOINT, Row, Slides, in_si, together
+from flexlink.describe.joint_units import IN_METRES, OF_JOINT, OF_MOTION, Row, Slides, in_si, together
 from flexlink.describe.numbers import require_increasing, require_positive
 from flexlink.describe.reference_trajectory import ReferenceTrajectory, distinct, from_rest_to_rest, side_by_side, still
 from flexlink.describe.shaping import InputShaper
@@ -31,7 +31,6 @@ TAKES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 """Keys that each profile needs, and optional keys; twins in metres are implied."""
 TABLED = tuple(profile for profile, (needs, _) in TAKES.items() if "times" in needs)
 LISTS = ("to_deg", "from_deg", *LIMITS)
-OF_MOTION = ("angle_deg", "rate_deg", "acceleration_deg")
 
 
 class Reference(Spec, frozen=True):
@@ -116,9 +115,7 @@ class Reference(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.cutoff is not None and (self.file is None or self.profile != "smooth"):
-            raise SceneError(
-                f"cutoff = {self.cutoff!r}: needs a file and profile 'smooth'; leave cutoff out", id="needs-another-key"
-            )
+            raise self._refused("cutoff", "needs a file and profile 'smooth'; leave cutoff out", "needs-another-key")
         if self.file is not None:
             self._check_file()
             return
@@ -126,29 +123,28 @@ class Reference(Spec, frozen=True):
         for name in dict.fromkeys(name for both in TAKES.values() for part in both for name in part):
             values = {key: getattr(self, key) for key in (name, IN_METRES.get(name, name))}
             if name in needs and all(value is None for value in values.values()):
-                raise SceneError(
-                    f"{name}: missing; profile {self.profile!r} takes {_taken(needs, may)}", id="missing-key"
-                )
+                raise missing(name, self._takes)
             for key, value in values.items():
                 if name not in (*needs, *may) and value not in (None, 0.0):
-                    takes = _taken(needs, may)
-                    raise SceneError(
-                        f"{key} = {truncated(value)}: profile {self.profile!r} takes {takes}", id="key-of-another-kind"
-                    )
+                    raise self._refused(key, self._takes, "key-of-another-kind")
         self._check_limits()
         if self.times is None:
             self._check_time_of_move()
         else:
             self._check_table(self.times)
 
+    @property
+    def _takes(self) -> str:
+        """The keys that the profile needs, and the keys that it may have, in words."""
+        needs, may = TAKES[self.profile]
+        also = f", and may have {', '.join(may)}" if may else ""
+        return f"profile {self.profile!r} takes {', '.join(needs)}{also}"
+
     def _check_file(self) -> None:
         """Check that a reference with a file has a table profile, and that no rows are also given."""
         if self.profile not in TABLED:
-            raise SceneError(
-                f"file = {self.file!r}: profile {self.profile!r} takes {_taken(*TAKES[self.profile])}; a file needs "
-                f"profile {', '.join(TABLED)}",
-                id="key-of-another-kind",
-            )
+            why = f"{self._takes}; a file needs profile {', '.join(TABLED)}"
+            raise self._refused("file", why, "key-of-another-kind")
         for key in sorted([*_in_both(*LISTS, *OF_MOTION), "times", "start", "duration"]):
             if getattr(self, key) not in (None, 0.0):
                 raise both_given("file", self.file, key)
@@ -167,7 +163,7 @@ class Reference(Spec, frozen=True):
             raise both_given("duration", self.duration, limits[0])
         if self.duration is None and not set(limits) & set(needed):
             named = needed if self.to_m is None or self.to_deg is not None else [IN_METRES[name] for name in needed]
-            raise SceneError(f"duration: missing; give duration, or {' or '.join(named)}", id="missing-key")
+            raise missing("duration", f"give duration, or {' or '.join(named)}")
 
     @property
     def _deciding(self) -> tuple[str, ...]:
@@ -181,15 +177,15 @@ class Reference(Spec, frozen=True):
     def _check_table(self, times: Row) -> None:
         require_increasing("times", times)
         if self._is_given("acceleration_deg") and not self._is_given("rate_deg"):
-            raise SceneError("rate_deg: missing; acceleration_deg needs it", id="missing-key")
+            raise missing("rate_deg", "acceleration_deg needs it")
         for name in _in_both(*OF_MOTION):
             rows = getattr(self, name)
             if rows is not None and len(rows) != len(times):
                 raise SceneError(f"{name}: {plural(len(rows), 'row')}, but {len(times)} times", id="one-per-time")
 
-    def starts_at_initial(self, *, slides: bool) -> bool:
-        """Whether a revolute joint, or with `slides` a prismatic one, starts at its initial position in the scene."""
-        return self.profile not in TABLED and (self.from_m if slides else self.from_deg) is None
+    def starts_at_initial(self, unit: str) -> bool:
+        """Whether joints whose unit is deg or m start at their initial positions in the scene."""
+        return self.profile not in TABLED and getattr(self, f"from_{unit}") is None
 
     @property
     def per_link(self) -> dict[str, Row]:
@@ -233,13 +229,12 @@ class Reference(Spec, frozen=True):
         [ 45. -60.]
         """
         if self.file is not None:
-            raise SceneError(f"file = {self.file!r}: only scenes read files; use Scene.course", id="file-not-read")
+            raise self._refused("file", "only scenes read files; use Scene.course", "file-not-read")
         start = np.asarray(initial, dtype=np.float64)
         for name, row in self.per_link.items():
             if len(row) != len(start):
-                raise SceneError(
-                    f"{name} = {truncated(row)}: expected one number per link, {len(start)}", id="one-per-link"
-                )
+                text = f"{name} = {truncated(row)}: expected one number per link, {len(start)}"
+                raise SceneError(text, id="one-per-link")
         chosen = list(range(len(start)) if links is None else links)
         kinds = (False,) * len(start) if slides is None else tuple(map(bool, slides))
         self._require_lists({kinds[k] for k in chosen})
@@ -261,14 +256,14 @@ class Reference(Spec, frozen=True):
         for name in ("to_deg", *OF_MOTION):
             for key, slides in ((name, False), (IN_METRES[name], True)):
                 if slides in kinds and self._is_given(name) and getattr(self, key) is None:
-                    raise SceneError(f"{key}: missing; there are {OF_JOINT[slides].name} joints", id="missing-key")
+                    raise missing(key, f"there are {OF_JOINT[slides].name} joints")
 
     def _own(self, name: str, slides: Slides) -> Row:
         """The list `name` and its twin, merged in the joints' own units, deg or m."""
         return together(slides, getattr(self, name), getattr(self, IN_METRES[name]))
 
     def _move(self, initial: Array, links: list[int], slides: Slides) -> ReferenceTrajectory:
-        given = np.array([not self.starts_at_initial(slides=s) for s in slides])
+        given = np.array([not self.starts_at_initial(OF_JOINT[s].unit) for s in slides])
         start = np.where(given, self._own("from_deg", slides), initial)
         to = np.array(self._own("to_deg", slides))
         shapes = {k: self._shape(k, abs(to[k] - start[k]), slides[k]) for k in links if to[k] != start[k]}
@@ -283,11 +278,8 @@ class Reference(Spec, frozen=True):
             c[:, 0] += a
             there = distinct(knots)
             if not there[:-1].any():
-                raise SceneError(
-                    f"start = {self.start!r}: too late: float64 cannot resolve a move of {lasts:.3g} s at that time; "
-                    "start earlier",
-                    id="start-too-late",
-                )
+                why = f"too late: float64 cannot resolve a move of {lasts:.3g} s at that time; start earlier"
+                raise self._refused("start", why, "start-too-late")
             courses.append(from_rest_to_rest(knots[there], c[there[:-1], :, None], np.array([b])))
         return side_by_side(courses)
 
@@ -301,9 +293,7 @@ class Reference(Spec, frozen=True):
             require_positive(f"{key}.{link + 1}", limit)
         deciding = [IN_METRES[name] if slides else name for name in self._deciding]
         if not limits.keys() & set(deciding):
-            raise SceneError(
-                f"{deciding[0]}: missing; there are {OF_JOINT[slides].name} joints that move", id="missing-key"
-            )
+            raise missing(deciding[0], f"there are {OF_JOINT[slides].name} joints that move")
         rate, acceleration, jerk = (limits.get(key, math.inf) for key in keys)
         return fastest(distance, (rate, acceleration, jerk))
 
@@ -331,11 +321,6 @@ class Reference(Spec, frozen=True):
 def _in_both(*keys: str) -> list[str]:
     """Keys in degrees, each followed by its twin in metres."""
     return [one for key in keys for one in (key, IN_METRES[key])]
-
-
-def _taken(needs: Sequence[str], may: Sequence[str]) -> str:
-    """Text that lists the keys that a profile needs, and the keys that it may have."""
-    return ", ".join(needs) + (f", and may have {', '.join(may)}" if may else "")
 
 
 def smooth_pieces(t: Array, known: list[Array]) -> Array:

@@ -51,25 +51,18 @@ class ReferenceTrajectory:
             object.__setattr__(self, name, numbers(name, getattr(self, name)))
         knots, c = self.knots, self.coefficients
         if knots.ndim != 1 or c.ndim != 3 or not len(knots) or len(c) != len(knots) or not c.shape[1]:
-            raise ArgumentError(
-                f"knots {knots.shape}, coefficients {c.shape}: shapes must be (m,), (m, degree + 1, d)",
-                id="wrong-shape",
-            )
+            text = f"knots {knots.shape}, coefficients {c.shape}: shapes must be (m,), (m, degree + 1, d)"
+            raise ArgumentError(text, id="wrong-shape")
         if not (np.isfinite(knots).all() and np.isfinite(c).all()):
-            raise ArgumentError(
-                "knots, coefficients: not finite; the angle changes so fast that its rate overflows float64",
-                id="overflow",
-            )
+            text = "knots, coefficients: not finite; the angle changes so fast that its rate overflows float64"
+            raise ArgumentError(text, id="overflow")
         if np.any(np.diff(knots) <= 0):
             k = int(np.argmax(np.diff(knots) <= 0))
-            raise ArgumentError(
-                f"knots[{k + 1}] = {knots[k + 1]!r}: must be later than the previous one, {knots[k]!r}",
-                id="times-not-increasing",
-            )
+            text = f"knots[{k + 1}] = {knots[k + 1]!r}: must be later than the previous one, {knots[k]!r}"
+            raise ArgumentError(text, id="times-not-increasing")
         if c[0, 1:].any() or c[-1, 1:].any():
-            raise ArgumentError(
-                "coefficients: the first and the last piece must be constant (start and end at rest)", id="not-at-rest"
-            )
+            why = "coefficients: the first and the last piece must be constant (start and end at rest)"
+            raise ArgumentError(why, id="not-at-rest")
         knots.flags.writeable = c.flags.writeable = False
 
     def __call__(self, t: ArrayLike) -> tuple[Array, Array, Array]:
@@ -113,16 +106,12 @@ class ReferenceTrajectory:
         """
         t, a = numbers("times", times), numbers("weights", weights)
         if t.ndim != 1 or t.shape != a.shape or not len(t) or not (np.isfinite(t).all() and np.isfinite(a).all()):
-            raise ArgumentError(
-                f"times, weights: shapes {t.shape}, {a.shape}; expected finite numbers of equal shape (k,), k > 0",
-                id="wrong-shape",
-            )
+            text = f"times, weights: shapes {t.shape}, {a.shape}; expected finite numbers of equal shape (k,), k > 0"
+            raise ArgumentError(text, id="wrong-shape")
         most = 100_000  # largest number of pieces; more would take minutes and gigabytes
         if len(t) * len(self.knots) > most:
-            raise ArgumentError(
-                f"{len(t)} impulses on {len(self.knots)} pieces give {len(t) * len(self.knots)}; at most {most}",
-                id="too-many-impulses",
-            )
+            text = f"{len(t)} impulses on {len(self.knots)} pieces give {len(t) * len(self.knots)}; at most {most}"
+            raise ArgumentError(text, id="too-many-impulses")
         copies = [self.delayed(delay) for delay in t]
         knots = common_knots(copies)
         return ReferenceTrajectory(
@@ -136,10 +125,8 @@ class ReferenceTrajectory:
 
     @functools.cached_property
     def _extremes(self) -> tuple[Array, Array]:
-        c = (
-            self.coefficients[:-1]
-            * np.diff(self.knots)[:, None, None] ** np.arange(self.coefficients.shape[1])[:, None]
-        )
+        lengths, powers = np.diff(self.knots)[:, None, None], np.arange(self.coefficients.shape[1])[:, None]
+        c = self.coefficients[:-1] * lengths**powers
         at_knots = np.concatenate([self.coefficients[:, 0], c.sum(axis=1)])  # values at both ends of each piece
         low, high = at_knots.min(axis=0), at_knots.max(axis=0)
         hull = np.einsum("ij,kjd->kid", _to_bernstein(c.shape[1] - 1), c)  # these numbers bound all values of a piece

@@ -6,10 +6,8 @@ from typing import Annotated
 
 import numpy as np
 
-from flexlink.common.errors import SceneError
 from flexlink.common.products import dot, product
 from flexlink.common.types import Array
-from flexlink.common.wording import truncated
 from flexlink.describe.spec import NonNegative, Spec, Vector3, measured_in
 
 ROUNDING = 32 * np.finfo(float).eps
@@ -47,10 +45,8 @@ class RigidBody(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if len(self.inertia) not in {3, 6}:
-            raise SceneError(
-                f"inertia = {truncated(self.inertia)}: expected 3 moments, xx, yy, zz, or "
-                "6 numbers, xx, yy, zz, xy, xz, yz",
-                id="inertia-form",
+            raise self._refused(
+                "inertia", "expected 3 moments, xx, yy, zz, or 6 numbers, xx, yy, zz, xy, xz, yz", "inertia-form"
             )
 
     @property

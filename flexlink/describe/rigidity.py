@@ -13,7 +13,7 @@ import numpy as np
 
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.common.types import Array
-from flexlink.common.wording import both_given, truncated
+from flexlink.common.wording import both_given
 from flexlink.data.csv_table import head_of, read_csv
 from flexlink.describe.spec import NonNegative, Positive, Spec, measured_in
 
@@ -27,8 +27,8 @@ class Rigidity(Spec, frozen=True):
     """Rigidities and mass of a beam as a table along it, instead of a material and a section.
 
     Columns are linear between rows and jump where two rows have the same x. Hinge springs have the exact compliance
-    ∫ dx/EI of their part of the beam; segments have its exact mass, centre and inertia. In cells of coupled springs,
-    masses are lumped at the cell's points, which leaves a second-order error where ρA jumps.
+    ∫ dx/EI of their part of the beam; segments have its exact mass, centre and inertia. By rules with cells, masses are
+    lumped at the cell's points, which leaves a second-order error where ρA jumps.
     A link with flex = "z" needs `ei_z`; "yz" also needs `ei_y`; "xyz" also needs `gj` and inertia about its x.
 
     Examples
@@ -69,24 +69,17 @@ class Rigidity(Spec, frozen=True):
         if self.file is not None:
             self._read(self.file)
         if len(self.x) < 2 or self.x[0] != 0:
-            raise SceneError(f"x = {truncated(self.x)}: expected two rows or more, the first at 0", id="rigidity-table")
+            raise self._refused("x", "expected two rows or more, the first at 0", "rigidity-table")
         for k, (before, x) in enumerate(itertools.pairwise(self.x), 1):
             if x < before or (k >= 2 and x == before == self.x[k - 2]):
-                raise SceneError(
-                    f"x[{k}] = {x!r}: must not be less than x[{k - 1}] = {before!r}; at most two rows may be equal",
-                    id="rigidity-table",
-                )
+                why = f"must not be less than x[{k - 1}] = {before!r}; at most two rows may be equal"
+                raise SceneError(f"x[{k}] = {x!r}: {why}", id="rigidity-table")
         if self.x[0] == self.x[1] or self.x[-1] == self.x[-2]:
-            raise SceneError(
-                f"x = {truncated(self.x)}: the ends of a beam cannot have jumps; give one row there",
-                id="rigidity-table",
-            )
+            raise self._refused("x", "the ends of a beam cannot have jumps; give one row there", "rigidity-table")
         for name in COLUMNS:
             column = getattr(self, name)
             if column is not None and len(column) != len(self.x):
-                raise SceneError(
-                    f"{name} = {truncated(column)}: expected one number per row of x, {len(self.x)}", id="one-per-row"
-                )
+                raise self._refused(name, f"expected one number per row of x, {len(self.x)}", "one-per-row")
 
     def _read(self, file: str) -> None:
         """Fill the columns from a file, and clear `file`."""
@@ -131,17 +124,15 @@ def _columns(file: Path) -> dict[str, tuple[float, ...]]:
     for head, quantity in zip(table.heads, given, strict=True):
         if quantity != "x" and quantity not in heads:
             known = [f"{known} [{COLUMNS[name]}]" for known, name in heads.items()]
-            raise DataFileError(
-                f"{file}: column {head!r}: not known; expected {', '.join(['x [m]', *known])}", id="unknown-column"
-            )
+            text = f"{file}: column {head!r}: not known; expected {', '.join(['x [m]', *known])}"
+            raise DataFileError(text, id="unknown-column")
     found = {"x": table.column("x", "m"), "rho_a": table.column("rhoA", COLUMNS["rho_a"])}
     found |= {name: table.column(head, COLUMNS[name]) for head, name in heads.items() if head in given}
     for name, column in found.items():
         low = 0.0 if name in {"x", "rho_i_y", "rho_i_z"} else tiny
         if not (column >= low).all():
-            raise DataFileError(
-                f"{file}: line {int(np.argmax(column < low)) + 2}: {name} must be positive", id="out-of-range"
-            )
+            text = f"{file}: line {int(np.argmax(column < low)) + 2}: {name} must be positive"
+            raise DataFileError(text, id="out-of-range")
     return {name: tuple(column.tolist()) for name, column in found.items()}
 
 

@@ -96,27 +96,21 @@ class RunSettings(Spec, frozen=True, dict=True):  # the dict is for cached prope
         msgspec.structs.force_setattr(self, "method", documents.absolute(self.method))
         if self.controlled:
             self._check_tolerance()
-        elif self.sample is None:
-            whole(self._duration_key, self.duration, self.label("step"), self.fixed_step)
-        else:
-            whole("sample", self.sample, self.label("step"), self.fixed_step)
+        key, time = (self._duration_key, self.duration) if self.sample is None else ("sample", self.sample)
+        self.require_steps(key, time, "")
         whole(self._duration_key, self.duration, self.label("sample"), self.spacing)
 
     def _check_tolerance(self) -> None:
         if self.tolerance is not None and self.relative_tolerance is not None:
-            raise SceneError(
-                f"relative_tolerance = {self.relative_tolerance!r}: tolerance = {self.tolerance!r} is also given; "
-                "specify only one",
-                id="both-given",
+            raise self._refused(
+                "relative_tolerance", f"tolerance = {self.tolerance!r} is also given; specify only one", "both-given"
             )
         if self.step is not None and self.has_tolerance:
             key = "tolerance" if self.tolerance is not None else "relative_tolerance"
             raise both_given("step", self.step, f"{key} = {getattr(self, key)!r}")
         if self.accuracy == "deflection" and self.relative_tolerance is None:
-            raise SceneError(
-                "accuracy = 'deflection': needs relative_tolerance, a fraction of the deflection",
-                id="needs-another-key",
-            )
+            why = "needs relative_tolerance, a fraction of the deflection"
+            raise self._refused("accuracy", why, "needs-another-key")
 
     @property
     def has_tolerance(self) -> bool:
@@ -158,6 +152,11 @@ class RunSettings(Spec, frozen=True, dict=True):  # the dict is for cached prope
         read = bool(sensors or self.outputs)
         return self.controlled and (self.accuracy == "deflection" or (self.accuracy == "auto" and read))
 
+    def require_steps(self, name: str, time: float, above: str = "run.") -> None:
+        """Check that a time called `name` is a multiple of the step, if steps are fixed."""
+        if not self.controlled:
+            whole(name, time, self.label("step", above), self.fixed_step)
+
     def label(self, key: str, above: str = "") -> str:
         """Key of a setting for messages, prefixed by `above`, and by "the default" if it was not given."""
         return f"{above}{key}" if getattr(self, key) is not None else f"the default {above}{key}"
@@ -169,8 +168,7 @@ class RunSettings(Spec, frozen=True, dict=True):  # the dict is for cached prope
     @property
     def fixed_step(self) -> float:
         """Length of fixed steps [s]."""
-        # default if only a method is given [s]
-        return 1e-4 if self.step is None else self.step
+        return 1e-4 if self.step is None else self.step  # 1e-4 if only a method is given
 
     @functools.cached_property
     def spacing(self) -> float:
@@ -233,27 +231,14 @@ def _plain(path: object, value: object) -> bool:
 
 
 def implied(run: RunSettings, changes: Mapping[str, object]) -> dict[str, None]:
-    """Run settings removed by changes: a tolerance replaces fixed steps, and a step replaces a tolerance.
-
-    Raises
-    ------
-    SceneError
-        Both a tolerance and a step are given.
-    """
+    """Run settings removed by changes: a tolerance replaces fixed steps, and a step replaces a tolerance."""
     changed = {path for path, value in changes.items() if value is not None}
     tolerances, step = changed & {"run.tolerance", "run.relative_tolerance"}, "run.step" in changed
     if tolerances and step:
-        raise SceneError(
-            f"run.step = {truncated(changes['run.step'])}: {min(tolerances)} is also given; specify only one",
-            id="both-given",
-        )
+        raise both_given("run.step", changes["run.step"], min(tolerances))
     gone: list[str] = []
     if tolerances or step:
-        gone += ["run.tolerance", "run.relative_tolerance"]
-    if tolerances:
-        gone += ["run.step"]
-    if step:
-        gone += ["run.accuracy"]
+        gone += ["run.tolerance", "run.relative_tolerance", "run.step" if tolerances else "run.accuracy"]
     if (tolerances and not controllable(run)) or (step and run.method == AUTO):
         gone += ["run.method"]
     return dict.fromkeys(gone)
@@ -272,32 +257,20 @@ def steps_explicitly(run: RunSettings) -> bool:
 
 
 def check_method(run: RunSettings) -> None:
-    """Check that the method of a run exists and supports its settings.
-
-    Raises
-    ------
-    SceneError
-        The message names the key, the value and what is allowed.
-    DataFileError
-        The user's method file is invalid.
-    """
+    """Check that the method of a run exists and supports its settings."""
     if run.method == AUTO:
         if run.by_default and run.step is not None:
-            raise SceneError(
-                f"run.method = {AUTO!r}: needs a tolerance, but run.step = {run.step!r} is given; give run.tolerance "
-                "or a method, or leave run.step out",
-                id="method-and-step",
-            )
+            given = f"run.method = {AUTO!r}: needs a tolerance, but run.step = {run.step!r} is given"
+            remedy = "give run.tolerance or a method, or leave run.step out"
+            raise SceneError(f"{given}; {remedy}", id="method-and-step")
         return
     try:
         supported = method(run.method).controlled or not run.controlled
-    except (ArgumentError, DataFileError) as error:
-        if isinstance(error, DataFileError):
-            raise DataFileError(f"run.{error}") from None
+    except DataFileError as error:
+        raise DataFileError(f"run.{error}") from None
+    except ArgumentError as error:
         raise SceneError(f"run.{error}".replace("allowed are", f"allowed are {AUTO},", 1)) from None
     if not supported:
         allowed = ", ".join([AUTO, *(name for name in data_files.names("methods") if method(name).controlled)])
-        raise SceneError(
-            f"run.method = {truncated(run.method)}: has no error estimate; with a tolerance use {allowed}",
-            id="method-without-error",
-        )
+        why = f"has no error estimate; with a tolerance use {allowed}"
+        raise SceneError(f"run.method = {truncated(run.method)}: {why}", id="method-without-error")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Container, Mapping
+from collections.abc import Container, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, Never
@@ -16,21 +16,33 @@ from flexlink.common.memo import Memo, keep_last
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.output import write_text
 from flexlink.common.types import Array
-from flexlink.common.wording import short_list
+from flexlink.common.wording import missing, short_list
 from flexlink.data import documents
+from flexlink.describe import scene_checks as checks
 from flexlink.describe.actions import PrescribedMotion, Wrench
 from flexlink.describe.arm import Arm
 from flexlink.describe.drive import Drive
 from flexlink.describe.initial import InitialState
-from flexlink.describe.joint_units import OF_JOINT, Row, in_si, together
+from flexlink.describe.joint_units import Row
 from flexlink.describe.link import RIGID, Link
 from flexlink.describe.reference import Reference
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.run_settings import RunSettings, implied, of_run_alone
-from flexlink.describe.scene_checks import check_named, check_parts
-from flexlink.describe.scene_keys import OF_ARM, read_keys
-from flexlink.describe.sensor import Sensor
-from flexlink.describe.spec import Positive, Spec, Vector3, build_validated, fields_of, measured_in
+from flexlink.describe.sensor import Sensor, sensor_mistakes
+from flexlink.describe.spec import (
+    Positive,
+    Spec,
+    Vector3,
+    build_validated,
+    check_all,
+    check_keys,
+    decode,
+    fields_of,
+    key_mistakes,
+    measured_in,
+    mistakes,
+    raise_together,
+)
 from flexlink.describe.vary import apply_changes, as_document, parts_by_key, to_document, top_level_keys, values_at
 from flexlink.describe.writing import toml_of, without_defaults
 
@@ -80,10 +92,24 @@ class Scene(Spec, frozen=True):
         if not self.initial.joint_deg:
             self._put_joints_at_zero()
         self._read_files()
-        check_parts(
-            self.arm, self.initial, self.drive, self.run, motion=self.motion, wrench=self.wrench, sensor=self.sensor,
-            air_density=self.air_density, course=lambda: self.course, names=names,
-        )  # fmt: skip
+        arm, initial, drive, run = self.arm, self.initial, self.drive, self.run
+        raise_together(checks.wrong_lists(arm, initial, drive))  # first: the other checks rely on the lists' lengths
+        check_all([
+            lambda: checks.check_grid(initial, drive, self.wrench, run),
+            lambda: checks.check_rate(initial, drive, run),
+            lambda: checks.check_limits(arm, initial, names),
+            lambda: checks.check_reference(arm, drive, self.course, run),
+            lambda: checks.check_motions(arm, initial, drive, self.motion),
+            self._check_air,
+            lambda: checks.check_base(arm, initial, drive),
+            lambda: checks.check_wrench(arm, self.wrench),
+            lambda: raise_together(sensor_mistakes(self.sensor, arm)),
+        ])  # fmt: skip
+
+    def _check_air(self) -> None:
+        if self.air_density is not None and not self.arm.has_drag:
+            remedy = "give one, such as link.NAME.drag = { coefficient = 1.2 }, or leave it out"
+            raise self._refused("air_density", f"has no effect; no link has drag; {remedy}", "no-effect")
 
     def _read_files(self) -> None:
         """Read tables in files into the scene; a joint whose motion is in a file starts at the file's first row."""
@@ -107,26 +133,25 @@ class Scene(Spec, frozen=True):
     @property
     def starts(self) -> Row:
         """Initial joint positions, one per link, [deg], or [m] for prismatic joints."""
-        return self.initial.own("joint", self.arm.slides)
+        return self.arm.own(self.initial.joint_deg, self.initial.joint_m)
 
     @property
     def joint_positions(self) -> Array:
         """Initial joint positions, one per link, [rad], or [m] for prismatic joints."""
-        return in_si(self.arm.slides, self.starts)
+        return self.arm.in_si(self.starts)
 
     @property
     def joint_rates(self) -> Array:
         """Initial joint rates, one per link, [rad/s], or [m/s] for prismatic joints."""
-        return in_si(self.arm.slides, self.initial.own("rate", self.arm.slides))
+        return self.arm.in_si(self.arm.own(self.initial.rate_deg, self.initial.rate_m))
 
     @property
     def joint_targets(self) -> Array:
         """Target positions of a controller, one per link, [rad], or [m] for prismatic joints; zero if not given."""
-        return in_si(self.arm.slides, together(self.arm.slides, self.drive.target_deg, self.drive.target_m))
+        return self.arm.in_si(self.arm.own(self.drive.target_deg, self.drive.target_m))
 
     def __repr__(self) -> str:
-        run = self.run
-        return f"<Scene {self.name!r}: {self.arm!r}; {run.in_words}>"
+        return f"<Scene {self.name!r}: {self.arm!r}; {self.run.in_words}>"
 
     def _repr_html_(self) -> str:
         heads = ("link", "flex", "segments", "length [m]", "material", "section")
@@ -134,8 +159,7 @@ class Scene(Spec, frozen=True):
             (k.name, k.flex, "" if k.flex == "rigid" else k.segments, k.length, k.material or "", k.section or "")
             for k in self.arm.links
         ]
-        run = self.run
-        return html_table(f"{self.name}: {run.in_words}", heads, rows)
+        return html_table(f"{self.name}: {self.run.in_words}", heads, rows)
 
     def plot(self) -> Any:
         """Draw the arm in its initial state, from the side and, if it is not planar, from above.
@@ -159,13 +183,9 @@ class Scene(Spec, frozen=True):
     def _put_joints_at_zero(self) -> None:
         """Set the default angles; if a complete state is given, a reference must then specify where it starts."""
         if self.initial.q is not None and self.drive.reference is not None:
-            for slides in set(self.arm.slides):
-                key, default = f"from_{OF_JOINT[slides].unit}", f"joint_{OF_JOINT[slides].unit}"
-                if self.drive.reference.starts_at_initial(slides=slides) and not getattr(self.initial, default):
-                    raise SceneError(
-                        f"drive.reference.{key}: missing; initial.{default}, its default, is not given",
-                        id="missing-key",
-                    )
+            for unit in sorted({link.joint.terms.unit for link in self.arm.links}):
+                if self.drive.reference.starts_at_initial(unit) and not getattr(self.initial, f"joint_{unit}"):
+                    raise missing(f"drive.reference.from_{unit}", f"initial.joint_{unit}, its default, is not given")
         joint_deg = (0.0,) * len(self.arm.links)
         msgspec.structs.force_setattr(self, "initial", replace(self.initial, joint_deg=joint_deg))
 
@@ -245,7 +265,7 @@ class Scene(Spec, frozen=True):
         known = tuple((path, type(value), value) for path, value in changes.items())
         run = RUNS(self.run, known, lambda: self._varied(changes).run)
         varied: Scene = build_validated(replace, self, run=run)
-        check_named(varied.arm, varied.run)
+        checks.check_named(varied.arm, varied.run)
         return varied
 
     def _varied(self, changes: Mapping[str, object]) -> Scene:
@@ -262,7 +282,7 @@ class Scene(Spec, frozen=True):
             kept["initial"] = without_starts(self.initial, self.arm, self.motion, changes["motion"])
         arm = None if anew & OF_ARM.keys() else self.arm
         varied = scene_from({key: value for key, value in document.items() if key in anew}, kept, arm)
-        check_named(varied.arm, varied.run)
+        checks.check_named(varied.arm, varied.run)
         return varied
 
     def rigidified(self) -> Scene:
@@ -365,22 +385,38 @@ def _course(
 
 
 def scene_from(
-    raw: Mapping[str, Any],
-    kept: Mapping[str, Any] = MappingProxyType({}),
-    arm: Arm | None = None,
-    *,
-    finite: bool = False,
+    raw: Mapping[str, Any], kept: Mapping[str, Any] = MappingProxyType({}), arm: Arm | None = None, finite: bool = False
 ) -> Scene:
-    """Build a scene from a parsed file and from checked parts of another scene; `finite` as in `decode`.
-
-    Raises
-    ------
-    SceneError
-        The message names the key path, the value and what is allowed.
-    """
+    """Build a scene from a parsed file and from checked parts of another scene; `finite` as in `decode`."""
     required = [field.encode_name for field in _fields() if field.required and field.encode_name not in kept]
-    arm, own = read_keys(raw, FIELDS, required, kept, arm, finite=finite)
-    return build_validated(Scene, arm=arm, **{key: value for key, value in own.items() if key in FIELDS})
+    try:
+        check_keys(raw, FIELDS, required)
+        values = {**kept, **{key: decode(value, FIELDS[key], key, finite=finite) for key, value in raw.items()}}
+        arm = arm or _arm_of(values)
+    except SceneError:
+        raise_together(_mistakes(raw, kept, required))
+        raise
+    return build_validated(
+        Scene, arm=arm, **{key: value for key, value in values.items() if key in FIELDS.keys() - OF_ARM.keys()}
+    )
+
+
+def _arm_of(values: Mapping[str, Any]) -> Arm:
+    return build_validated(Arm, **{OF_ARM[key].name: value for key, value in values.items() if key in OF_ARM})
+
+
+def _mistakes(raw: Mapping[str, Any], kept: Mapping[str, Any], required: Sequence[str]) -> Iterator[Diagnostic]:
+    """All mistakes in a parsed file, key by key; if the arm's parts are valid, also contradictions between them."""
+    yield from key_mistakes(raw, list(FIELDS), required)
+    wrong = {key: mistakes(value, FIELDS[key], key) for key, value in raw.items() if key in FIELDS}
+    for found in wrong.values():
+        yield from found
+    of_arm = wrong.keys() & OF_ARM.keys()
+    if not any(wrong[key] for key in of_arm) and "link" in {*kept, *of_arm}:
+        try:
+            _arm_of({**kept, **{key: decode(raw[key], FIELDS[key], key) for key in of_arm}})
+        except SceneError as error:
+            yield error.diagnostic
 
 
 def _fields() -> list[FieldInfo]:
@@ -392,6 +428,8 @@ RUNS = Memo(256)
 """Cached run settings, keyed by the original settings and the changes to them; scenes share them."""
 FIELDS: dict[str, Any] = {field.encode_name: field.type for field in _fields()}
 """Type at each key of a scene file, where the keys of the arm are at the top level, beside the keys of the scene."""
+OF_ARM = {field.encode_name: field for field in fields_of(Arm)}
+"""Fields of the arm, by their keys."""
 
 
 def bare_and_rigid(scene: Scene) -> Scene:
@@ -404,7 +442,7 @@ def _bare_and_rigid(scene: Scene) -> Scene:
     free = [
         position for position, link in zip(scene.joint_positions.tolist(), links, strict=True) if not link.joint.locked
     ]
-    # coordinates of a free base, which come first in a chain
+    # coordinates of a base that floats, which come first in a chain
     of_base = (given.q or ())[: 6 if scene.arm.base.free else 0]
     q = None if given.q is None else (*of_base, *free)  # a complete state may exceed the limits
     kept = {name: getattr(scene, name) for name in ("name", "about", "gravity", "air_density", "run")}

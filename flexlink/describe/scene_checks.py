@@ -5,7 +5,7 @@ Messages name the path, the value and what is allowed. `wrong_lists` yields all 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from flexlink.common.errors import ArgumentError, Diagnostic, SceneError
 from flexlink.common.wording import did_you_mean, truncated
@@ -17,55 +17,9 @@ from flexlink.describe.initial import BaseState, InitialState
 from flexlink.describe.joint import outside_limits, refuse_beyond
 from flexlink.describe.joint_units import OF_JOINT, misplaced
 from flexlink.describe.numbers import whole
-from flexlink.describe.reference import OF_MOTION
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.run_settings import RunSettings, check_method
-from flexlink.describe.sensor import Sensor, sensor_mistakes
-from flexlink.describe.spec import check_all, link_key, raise_together
-
-
-def check_parts(
-    arm: Arm,
-    initial: InitialState,
-    drive: Drive,
-    run: RunSettings,
-    *,
-    motion: Sequence[PrescribedMotion],
-    wrench: Wrench,
-    sensor: Sequence[Sensor],
-    air_density: float | None,
-    course: Callable[[], ReferenceTrajectory | None],
-    names: Mapping[str, str],
-) -> None:
-    """Check that the parts of a scene are consistent.
-
-    Parameters
-    ----------
-    arm, initial, drive, run, motion, wrench, sensor, air_density
-        Parts of the scene.
-    course
-        Function that returns the reference trajectory of the joints.
-    names
-        Names of the initial positions in messages, by key.
-
-    Raises
-    ------
-    SceneError
-        The message names all mistakes, each with its key path, the value and what is allowed.
-    """
-    raise_together(wrong_lists(arm, initial, drive))  # first, because the other checks rely on the lists' lengths
-    checks = [
-        lambda: check_rate(initial, drive, run),
-        lambda: check_limits(arm, initial, names),
-        lambda: check_reference(arm, drive, course(), run),
-        lambda: check_motions(arm, initial, drive, motion),
-        lambda: check_air(arm, air_density),
-        lambda: check_base(arm, initial, drive),
-        lambda: check_wrench(arm, wrench),
-        lambda: raise_together(sensor_mistakes(sensor, arm)),
-    ]
-    grid = [] if run.controlled else [lambda: check_grid(initial, drive, wrench, run)]
-    check_all([*grid, *checks])
+from flexlink.describe.spec import check_all, fields_of, is_per_link, link_key
 
 
 def wrong_lists(arm: Arm, initial: InitialState, drive: Drive) -> Iterator[Diagnostic]:
@@ -73,27 +27,14 @@ def wrong_lists(arm: Arm, initial: InitialState, drive: Drive) -> Iterator[Diagn
     links = arm.links
     reference = drive.reference.per_link if drive.reference is not None else {}
     per_link: dict[str, tuple[float, ...] | None] = {
-        "initial.joint_deg": initial.joint_deg,
-        "initial.rate_deg": initial.rate_deg,
-        "initial.joint_m": initial.joint_m,
-        "initial.rate_m": initial.rate_m,
-        "drive.torque": drive.torque,
-        "drive.kp": drive.kp,
-        "drive.kd": drive.kd,
-        "drive.ki": drive.ki,
-        "drive.inertia": drive.inertia,
-        "drive.max_rate_deg": drive.max_rate_deg,
-        "drive.max_rate_m": drive.max_rate_m,
-        "drive.target_deg": drive.target_deg,
-        "drive.target_m": drive.target_m,
-        "drive.effort": drive.effort,
-        **{f"drive.torques[{k}]": row for k, row in enumerate(drive.torques or ())},
-        **{f"drive.reference.{key}": row for key, row in reference.items() if len(row) == len(links)},
+        f"{path}.{field.name}": getattr(part, field.name)
+        for path, part in (("initial", initial), ("drive", drive))
+        for field in fields_of(type(part))
+        if is_per_link(field.type)
     }
-    allowed_for_locked = {
-        "initial.joint_deg", "initial.joint_m", "drive.target_deg", "drive.target_m", "drive.effort",
-        "drive.max_rate_deg", "drive.max_rate_m",
-    }  # fmt: skip
+    per_link |= {f"drive.torques[{k}]": row for k, row in enumerate(drive.torques or ())}
+    per_link |= {f"drive.reference.{key}": row for key, row in reference.items() if len(row) == len(links)}
+    allowed_for_locked = "initial.joint_", "drive.target_", "drive.effort", "drive.max_rate_"
     fitting = {}
     for key, values in per_link.items():
         if values is None:
@@ -103,7 +44,7 @@ def wrong_lists(arm: Arm, initial: InitialState, drive: Drive) -> Iterator[Diagn
             continue
         fitting[key] = values
         for k, link in enumerate(links if not key.startswith("drive.reference.") else ()):
-            if link.joint.locked and values[k] and key not in allowed_for_locked:
+            if link.joint.locked and values[k] and not key.startswith(allowed_for_locked):
                 path = f"{arm.path(k + 1, key)} = {values[k]!r}"
                 yield Diagnostic(f"{path}: the joint of {link.name!r} is locked; must be 0", "locked-and-moving")
     for k, key, wrong in misplaced(arm.slides, [link.name for link in links], fitting):
@@ -124,14 +65,9 @@ def _missing_targets(arm: Arm, drive: Drive) -> Iterator[Diagnostic]:
 
 
 def check_limits(arm: Arm, initial: InitialState, names: Mapping[str, str]) -> None:
-    """Check that joints start within their limits.
-
-    Raises
-    ------
-    SceneError
-        A joint starts outside its limits.
-    """
-    for k, (link, position) in enumerate(zip(arm.links, initial.own("joint", arm.slides), strict=True)):
+    """Check that joints start within their limits."""
+    positions = arm.own(initial.joint_deg, initial.joint_m)
+    for k, (link, position) in enumerate(zip(arm.links, positions, strict=True)):
         outside = outside_limits(link.name, link.joint, position)
         if outside and (initial.q is None or link.joint.locked):
             key = names["joint_m" if link.joint.slides else "joint_deg"].replace("joint_", "initial.joint_")
@@ -139,13 +75,7 @@ def check_limits(arm: Arm, initial: InitialState, names: Mapping[str, str]) -> N
 
 
 def check_motions(arm: Arm, initial: InitialState, drive: Drive, motions: Sequence[PrescribedMotion]) -> None:
-    """Check that each link has at most one prescribed motion, and that a link with a motion has no gains.
-
-    Raises
-    ------
-    SceneError
-        A link has two motions, or a motion and gains, or its motion does not match its joint or the initial state.
-    """
+    """Check that each link has at most one prescribed motion, and that a link with a motion has no gains."""
     moved: set[int] = set()
     for motion in motions:
         number = _check_motion(arm, initial, motion)
@@ -156,9 +86,8 @@ def check_motions(arm: Arm, initial: InitialState, drive: Drive, motions: Sequen
             gains = getattr(drive, name)
             if gains is not None and gains[number - 1]:
                 gain = f"{arm.path(number, f'drive.{name}')} = {gains[number - 1]!r}"
-                raise SceneError(
-                    f"{gain}: the motion of {motion.link!r} is prescribed; must be 0", id="joint-prescribed"
-                )
+                text = f"{gain}: the motion of {motion.link!r} is prescribed; must be 0"
+                raise SceneError(text, id="joint-prescribed")
 
 
 def _check_motion(arm: Arm, initial: InitialState, motion: PrescribedMotion) -> int:
@@ -172,20 +101,17 @@ def _check_motion(arm: Arm, initial: InitialState, motion: PrescribedMotion) -> 
         raise SceneError(f"{path}: its joint is locked; a motion needs a free joint", id="motion-of-locked-joint")
     joint = arm.links[number - 1].joint
     if motion.slides != joint.slides:
-        key, wanted = motion.keys[0], "position_m, rate_m, acceleration_m" if joint.slides else ", ".join(OF_MOTION)
+        key, wanted = motion.keys[0], ", ".join(joint.terms.motion)
         given = f"{path}.{key} = {truncated(motion.columns[0])}"
-        raise SceneError(
-            f"{given}: joint {arm.links[number - 1].name!r} is {joint.kind}; give {wanted}", id="sensor-of-joint"
-        )
-    (position, rate), slides = motion.keys[:2], arm.slides
-    for key, start, first, elsewhere in (
-        (position, initial.own("joint", slides)[number - 1], motion.columns[0][0], initial.q),
-        (rate, initial.own("rate", slides)[number - 1], motion.columns[1][0], initial.qd),
-    ):
+        text = f"{given}: joint {arm.links[number - 1].name!r} is {joint.kind}; give {wanted}"
+        raise SceneError(text, id="sensor-of-joint")
+    position, *_ = motion.keys
+    positions, rates = arm.own(initial.joint_deg, initial.joint_m), arm.own(initial.rate_deg, initial.rate_m)
+    starts = (positions[number - 1], initial.q), (rates[number - 1], initial.qd)
+    for key, (first, *_), (start, elsewhere) in zip(motion.keys, motion.columns, starts, strict=False):
         if start != first and initial.time == 0 and elsewhere is None:
-            raise SceneError(
-                f"{path}.{key}[0] = {first!r}: must be the initial value, {start!r}", id="start-differs-from-motion"
-            )
+            text = f"{path}.{key}[0] = {first!r}: must be the initial value, {start!r}"
+            raise SceneError(text, id="start-differs-from-motion")
     middle = sum(joint.limits or (0.0, 0.0)) / 2
     k, value = max(enumerate(motion.columns[0]), key=lambda each: abs(each[1] - middle))
     if outside := outside_limits(arm.links[number - 1].name, joint, value):
@@ -193,106 +119,58 @@ def _check_motion(arm: Arm, initial: InitialState, motion: PrescribedMotion) -> 
     return number
 
 
-def check_air(arm: Arm, density: float | None) -> None:
-    """Refuse an air density that has no effect."""
-    if density is not None and not arm.has_drag:
-        raise SceneError(
-            f"air_density = {density!r}: has no effect; no link has drag; give one, such as link.NAME.drag = "
-            "{ coefficient = 1.2 }, or leave it out",
-            id="no-effect",
-        )
-
-
 def check_base(arm: Arm, initial: InitialState, drive: Drive) -> None:
-    """Refuse an initial state of a fixed base, and drives that assume a fixed base if the base is free.
-
-    Raises
-    ------
-    SceneError
-        The scene has such an initial state or drive.
-    """
+    """Refuse an initial state of a fixed base, and drives that assume a fixed base if the base is free."""
     free = arm.base.free
     if initial.base != BaseState() and not free:
-        raise SceneError(
-            "initial.base: has no effect, the base is fixed; leave it out, or give base = { kind = 'free', "
-            "mass = …, inertia = … }",
-            id="no-effect",
-        )
+        text = "leave it out, or give base = { kind = 'free', mass = …, inertia = … }"
+        raise SceneError(f"initial.base: has no effect, the base is fixed; {text}", id="no-effect")
     if free and initial.passive == "static":
-        raise SceneError(
-            "initial.passive = 'static': an arm on a free base has no equilibrium; leave passive out",
-            id="rest-of-free-base",
-        )
+        text = "initial.passive = 'static': an arm on a free base has no equilibrium; leave passive out"
+        raise SceneError(text, id="rest-of-free-base")
     for key, value in (("kind", drive.kind), ("gravity", drive.gravity)):
         if free and value in {"computed_torque", "rigid", "static"}:
-            raise SceneError(
-                f"drive.{key} = {value!r}: assumes a fixed base, but the base is free; use kind 'pd' without gravity, "
-                "or a custom controller",
-                id="drive-of-free-base",
-            )
+            text = f"drive.{key} = {value!r}: assumes a fixed base, but the base is free"
+            raise SceneError(f"{text}; use kind 'pd' without gravity, or a custom controller", id="drive-of-free-base")
 
 
 def check_wrench(arm: Arm, wrench: Wrench) -> None:
-    """Check that the wrench acts on a link without children.
-
-    Raises
-    ------
-    SceneError
-        There is no such link, or it has children.
-    """
+    """Check that the wrench acts on a link without children."""
     on, tips = wrench.on, [arm.links[k - 1].name for k in arm.tips]
     if on and on not in tips:
-        known = on in {link.name for link in arm.links}
-        why = (
-            "other links are attached to it; attach a locked link of zero length, and name that"
-            if known
-            else "no such link"
-        )
+        why = "no such link"
         if on == BASE:
             why = "is not a link; attach a locked link of zero length to it (link.on = 'base'), and name that"
-        raise SceneError(
-            f"wrench.on = {on!r}: {why}; allowed are {', '.join(tips)}{did_you_mean(on, tips)}", id="unknown-name"
-        )
+        elif on in {link.name for link in arm.links}:
+            why = "other links are attached to it; attach a locked link of zero length, and name that"
+        text = f"wrench.on = {on!r}: {why}; allowed are {', '.join(tips)}{did_you_mean(on, tips)}"
+        raise SceneError(text, id="unknown-name")
 
 
 def check_reference(arm: Arm, drive: Drive, course: ReferenceTrajectory | None, run: RunSettings) -> None:
-    """Check that the reference stays within the joint limits, even between knots, and jumps only at step ends.
-
-    Raises
-    ------
-    SceneError
-        The reference leaves the limits, or jumps within a step.
-    """
+    """Check that the reference stays within the joint limits, even between knots, and jumps only at step ends."""
     if course is None or drive.reference is None:
         return
     if drive.reference.follows == "tip":
-        shaped = drive.reference.shaper is not None
         for wrong, why in (
             (drive.kind != "pd", f"needs drive.kind = 'pd', not {drive.kind!r}"),
             (drive.torques is not None, "drive.torques are also given; leave them out"),
             (drive.gravity != "none", f"drive.gravity = {drive.gravity!r} is also given; leave it out"),
-            (shaped, "drive.reference.shaper is also given; leave it out"),
+            (drive.reference.shaper is not None, "drive.reference.shaper is also given; leave it out"),
         ):
             if wrong:
-                raise SceneError(
-                    f"drive.reference.follows = 'tip': {why}", id="both-given" if drive.kind == "pd" else "needs-pd"
-                )
+                id = "both-given" if drive.kind == "pd" else "needs-pd"
+                raise SceneError(f"drive.reference.follows = 'tip': {why}", id=id)
     try:
         refuse_beyond(course, [(link.name, link.joint) for link in arm.links if not link.joint.locked])
         for time in [] if run.controlled or drive.rate else course.jumps:
-            whole("has a jump in angle or rate: t", float(f"{time:.12g}"), run.label("step", "run."), run.fixed_step)
+            run.require_steps("has a jump in angle or rate: t", float(f"{time:.12g}"))
     except SceneError as error:
         raise SceneError(f"drive.reference {error}") from None
 
 
 def check_rate(initial: InitialState, drive: Drive, run: RunSettings) -> None:
-    """Check that the controller's sampling times match steps, samples and the start of the run.
-
-    Raises
-    ------
-    SceneError
-        The sampling times do not match.
-    """
+    """Check that the controller's sampling times match steps, samples and the start of the run."""
     rate = drive.rate
     if rate is None:
         return
@@ -301,42 +179,26 @@ def check_rate(initial: InitialState, drive: Drive, run: RunSettings) -> None:
     if period > run.spacing:
         long, short_one = short_one, long
     try:
-        if not run.controlled:
-            whole("1 / rate", period, run.label("step", "run."), run.fixed_step)
+        run.require_steps("1 / rate", period)
         whole("initial.time", initial.time, "1 / rate", period)
         whole(*long, *short_one)
     except SceneError as error:
         fitting = max(1, round(run.spacing * rate)) / rate
         hint = "" if run.sample is not None else f"; give run.sample, such as {fitting:.6g}"
         raise SceneError(f"drive.rate = {rate!r}: {error}{hint}") from None
-    if drive.delay and not run.controlled:
-        whole("drive.delay", drive.delay, run.label("step", "run."), run.fixed_step)
+    run.require_steps("drive.delay", drive.delay)
 
 
 def check_grid(initial: InitialState, drive: Drive, wrench: Wrench, run: RunSettings) -> None:
-    """Check that the start of the run, and the times of tables with `hold`, are multiples of the fixed step.
-
-    Raises
-    ------
-    SceneError
-        A time is not a multiple of the step.
-    """
-    whole("initial.time", initial.time, run.label("step", "run."), run.fixed_step)
+    """Check that the start of the run, and the times of tables with `hold`, are multiples of the fixed step."""
+    run.require_steps("initial.time", initial.time)
     for name, table in (("drive", drive), ("wrench", wrench)):
         for k, time in enumerate(table.times or () if table.hold else ()):
-            whole(f"{name}.times[{k}]", time, run.label("step", "run."), run.fixed_step)
+            run.require_steps(f"{name}.times[{k}]", time)
 
 
 def check_named(arm: Arm, run: RunSettings) -> None:
-    """Check that the lumping rules and the method named in a scene exist, and that they can be used in it.
-
-    Raises
-    ------
-    SceneError
-        The message names the key path, the value and what is allowed.
-    DataFileError
-        A rule's or method's file is invalid.
-    """
+    """Check that the lumping rules and the method named in a scene exist, and that they can be used in it."""
     try:
         hinges_of(arm)
         check_method(run)

@@ -66,19 +66,11 @@ def _checked(raw: dict[str, Any]) -> Scene:
 
 
 def refuse_scene(document: dict[str, Any], path: Path, what: str) -> None:
-    """Refuse a scene file given instead of a file that names a scene.
-
-    Raises
-    ------
-    SceneError
-        The file is a scene; the message states how `what`, such as "a sweep plan", names it.
-    """
+    """Refuse a scene file given instead of a file that names a scene."""
     if "link" in document and "scene" not in document:
         example = "models/fits/tapped.toml" if "fit" in what else "models/sweeps/payload.toml"
-        raise SceneError(
-            f"this is a scene; {what} names one by scene = {path.name!r} and adds what to vary, as {example} does",
-            id="is-a-scene",
-        )
+        text = f"this is a scene; {what} names one by scene = {path.name!r} and adds what to vary, as {example} does"
+        raise SceneError(text, id="is-a-scene")
 
 
 def _refuse_other(raw: dict[str, Any]) -> None:
@@ -89,13 +81,7 @@ def _refuse_other(raw: dict[str, Any]) -> None:
 
 
 def scene_named(document: dict[str, Any], folder: Path) -> Scene:
-    """Remove `scene` from a parsed TOML file in a folder, and read the scene that it names.
-
-    Raises
-    ------
-    SceneError, DataFileError
-        `scene` is not a path, or `load_scene` raises the error.
-    """
+    """Remove `scene` from a parsed TOML file in a folder, and read the scene that it names."""
     name = document.pop("scene")
     if not isinstance(name, str):
         raise SceneError(f"scene = {truncated(name)}: expected the path of a scene file", id="wrong-type")

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import msgspec
 
 from flexlink.common.errors import ArgumentError, Diagnostic, SceneError
-from flexlink.common.wording import both_given, truncated
+from flexlink.common.wording import both_given, missing, truncated
 from flexlink.data.csv_table import conversion
 from flexlink.describe.arm import BASE, Arm
 from flexlink.describe.directions import unit
@@ -34,7 +34,7 @@ KINDS: dict[str, tuple[tuple[str, ...], tuple[str, ...], str]] = {
 }
 """Required keys, optional keys, and unit of the signal of each kind; "" if the unit depends on the joint."""
 ON_A_BASE = ("accelerometer", "gyroscope", "position")
-"""Kinds that may be attached to a free base."""
+"""Kinds that may be attached to a base that floats."""
 OF_THE_DRIVE = ("joint", "torque", "current")
 """Kinds that are attached to a link's joint."""
 
@@ -49,7 +49,7 @@ class Sensor(Spec, frozen=True):
     position: position of such a point in frame 0. All three measure along `axis`, or else in three columns, "NAME x
     [m]" and so on.
     joint: angle or position of the link's joint; with an elastic gear, of the motor.  torque: T_EX of its drive, or the
-    torque required by its prescribed motion.  current: T_EX / `torque_constant`.
+    torque required by its motion, if that is given.  current: T_EX / `torque_constant`.
 
     The signal u is processed in this order: u(t − delay), `filter` or `low_pass`, times `gain`, plus `bias` and its
     random walk, sampling at times k / `rate` with hold, added noise, rounding to multiples of `resolution`.
@@ -122,12 +122,10 @@ class Sensor(Spec, frozen=True):
             if value is None and key in needs:
                 forms = {"x": "x [m] from the root", "fibre": "fibre = [y, z] [m] in the section"}
                 wanted = " and ".join(forms.get(each, f"{each} [N m/A]") for each in needs)
-                raise SceneError(f"{key}: missing; kind {self.kind!r} needs {wanted}", id="missing-key")
+                raise missing(key, f"kind {self.kind!r} needs {wanted}")
             if value is not None and key not in (*needs, *may):
                 takes = ", ".join((*needs, *may)) or "none of " + ", ".join(of_kinds)
-                raise SceneError(
-                    f"{key} = {truncated(value)}: kind {self.kind!r} takes {takes}", id="key-of-another-kind"
-                )
+                raise self._refused(key, f"kind {self.kind!r} takes {takes}", "key-of-another-kind")
         if self.x is not None and self.point is not None:
             raise both_given("point", self.point, f"x = {self.x!r}")
         if self.axis is not None:
@@ -136,17 +134,13 @@ class Sensor(Spec, frozen=True):
             raise SceneError("gain = 0.0: must not be 0, which measures nothing", id="zero-gain")
         for key in ("noise", "bias_walk"):
             if 0 < getattr(self, key) < SMALL:
-                raise SceneError(
-                    f"{key} = {getattr(self, key)!r}: must be 0, or at least {SMALL:g}", id="noise-too-small"
-                )
+                raise self._refused(key, f"must be 0, or at least {SMALL:g}", "noise-too-small")
         self._check_unit()
         for key, of in (("order", ("low_pass",)), ("damping", ("low_pass",)), ("seed", ("noise", "bias_walk"))):
             if getattr(self, key) is not None and not any(getattr(self, each) for each in of):
                 other = " or ".join(of)
-                raise SceneError(
-                    f"{key} = {getattr(self, key)!r}: has no effect without {other}; give {other}, or leave {key} out",
-                    id="needs-another-key",
-                )
+                why = f"has no effect without {other}; give {other}, or leave {key} out"
+                raise self._refused(key, why, "needs-another-key")
         if self.filter and self.low_pass is not None:
             raise both_given("low_pass", self.low_pass, "filter")
         if self.low_pass is not None:
@@ -161,14 +155,10 @@ class Sensor(Spec, frozen=True):
         )  # fmt: skip
         for key, text in (("name", self.name), ("unit", self.unit)):
             if text is not None and (not text or text != text.strip() or re.search(r"[\[\]\n\r\t]", text)):
-                raise SceneError(
-                    f"{key} = {text!r}: expected text without brackets, and without spaces at its ends",
-                    id="sensor-name",
-                )
+                why = "expected text without brackets, and without spaces at its ends"
+                raise self._refused(key, why, "sensor-name")
         if self.name in taken or re.match(r"(q|qd|tau) ", self.name):
-            raise SceneError(
-                f"name = {self.name!r}: is the name of a column of every run; use another name", id="sensor-name"
-            )
+            raise self._refused("name", "is the name of a column of every run; use another name", "sensor-name")
 
     def _check_unit(self) -> None:
         """Require a gain if the column's unit converts to the signal's unit, as deg does to rad, but V does not."""
@@ -180,11 +170,9 @@ class Sensor(Spec, frozen=True):
         for unit_ in map(self._own_unit, OF_JOINT) if self.unit is not None and self.gain == 1 else ():
             size = instruments.get((self.unit or "", unit_)) or conversion(self.unit or "", unit_)
             if size is not None and size != 1:
-                raise SceneError(
-                    f"unit = {self.unit!r}: the column would be in {unit_}; give gain = {1 / size:.10g} ({self.unit} "
-                    f"per {unit_}), or leave unit out",
-                    id="unit-missing",
-                )
+                gain = f"give gain = {1 / size:.10g} ({self.unit} per {unit_})"
+                why = f"the column would be in {unit_}; {gain}, or leave unit out"
+                raise self._refused("unit", why, "unit-missing")
 
     @property
     def filters(self) -> tuple[Filter, ...]:
@@ -267,11 +255,9 @@ def _on_a_jump(x: float, link: Link, table: Rigidity) -> Iterator[Diagnostic]:
     """Report a gauge at a jump of EI, where the strain is ambiguous."""
     jump, aside = table.jump_at(x, link.flex), 1e-3 * link.beam.length
     if jump is not None:
-        yield Diagnostic(
-            f"x = {x!r}: EI of link {link.name!r}, and so the strain, jumps there; move the gauge to one side, such as "
-            f"x = {jump - aside:.6g} or {jump + aside:.6g}",
-            "gauge-on-jump",
-        )
+        remedy = f"move the gauge to one side, such as x = {jump - aside:.6g} or {jump + aside:.6g}"
+        text = f"EI of link {link.name!r}, and so the strain, jumps there; {remedy}"
+        yield Diagnostic(f"x = {x!r}: {text}", "gauge-on-jump")
 
 
 def is_on_base(sensor: Sensor, arm: Arm) -> bool:

@@ -54,21 +54,14 @@ class ShaperRule(Spec, frozen=True):
         if len(w) != len(h):
             raise SceneError(f"weights has {len(w)} numbers: expected one per impulse, {len(h)}", id="shaper-weights")
         if h[0] != 0 or np.any(np.diff(h) <= 0):
-            raise SceneError(
-                f"half_periods = {truncated(self.half_periods)}: must start at 0 and increase", id="shaper-times"
-            )
+            raise self._refused("half_periods", "must start at 0 and increase", "shaper-times")
         if w.sum() <= 0:
-            raise SceneError(
-                f"weights = {truncated(self.weights)}: must have a sum > 0, for normalization",
-                id="shaper-weights",
-            )
+            raise self._refused("weights", "must have a sum > 0, for normalization", "shaper-weights")
         for k in range(self.zeros):
             remainder = abs(np.sum(w * h**k * np.exp(1j * np.pi * h)))
             if remainder > 1e-12 * np.sum(np.abs(w) * h**k):  # more than the rounding of numbers written with 13 digits
-                raise SceneError(
-                    f"zeros = {self.zeros}: derivative {k} of the vibration is {remainder:.3g}, not 0",
-                    id="shaper-zeros",
-                )
+                why = f"derivative {k} of the vibration is {remainder:.3g}, not 0"
+                raise self._refused("zeros", why, "shaper-zeros")
 
     def impulses(self, pole: complex) -> tuple[Array, Array]:
         """Times [s] and weights, with sum 1, for a vibration exp(λt), Im λ > 0."""
@@ -106,22 +99,16 @@ class InputShaper(Spec, frozen=True):
         super().__post_init__()
         msgspec.structs.force_setattr(self, "kind", documents.absolute(self.kind))
         if (self.frequency_hz is None) == (self.poles is None):
-            raise SceneError(
-                f"frequency_hz = {truncated(self.frequency_hz)}, poles = {truncated(self.poles)}: specify exactly one",
-                id="both-given",
-            )
+            why = f"poles = {truncated(self.poles)}: specify exactly one"
+            raise SceneError(f"frequency_hz = {truncated(self.frequency_hz)}, {why}", id="both-given")
         if not (self.frequency_hz or self.poles):
             raise SceneError("frequency_hz = (): no vibration to suppress; give at least one", id="frequencies-missing")
         if self.damping is not None and len(self.damping) != len(self.frequency_hz or ()):
-            raise SceneError(
-                f"damping = {truncated(self.damping)}: expected one ratio per frequency_hz", id="one-per-frequency"
-            )
+            raise self._refused("damping", "expected one ratio per frequency_hz", "one-per-frequency")
         for k, (re, im) in enumerate(self.poles or ()):
             if im <= 0 or re > 0:
-                raise SceneError(
-                    f"poles[{k}] = {truncated((re, im))}: a vibration needs Re λ ≤ 0 and Im λ > 0",
-                    id="poles-not-a-vibration",
-                )
+                why = "a vibration needs Re λ ≤ 0 and Im λ > 0"
+                raise SceneError(f"poles[{k}] = {truncated((re, im))}: {why}", id="poles-not-a-vibration")
 
     @classmethod
     def at(cls, poles: ArrayLike, kind: str = "ZVD") -> InputShaper:
@@ -171,19 +158,15 @@ class InputShaper(Spec, frozen=True):
         """
         rule, vibrations = self.rule, self.vibrations
         if len(rule.weights) ** len(vibrations) > MOST_IMPULSES:
-            raise ArgumentError(
-                f"kind = {truncated(self.kind)}: {len(rule.weights)} impulses for each of {len(vibrations)} vibrations "
-                f"multiply to more than {MOST_IMPULSES}; shape fewer vibrations",
-                id="too-many-impulses",
-            )
+            product = f"{len(rule.weights)} impulses for each of {len(vibrations)} vibrations multiply to more than"
+            why = f"{product} {MOST_IMPULSES}; shape fewer vibrations"
+            raise ArgumentError(f"kind = {truncated(self.kind)}: {why}", id="too-many-impulses")
         single = [list(zip(*rule.impulses(λ), strict=True)) for λ in vibrations]
         times, weights = np.array([
             (math.fsum(t for t, _ in one), math.prod(a for _, a in one)) for one in itertools.product(*single)
         ]).T  # fmt: skip
         if not np.isfinite([times, weights]).all():
-            raise ArgumentError(
-                f"kind = {truncated(self.kind)}: the times of the impulses overflow float64; shape faster vibrations",
-                id="overflow",
-            )
+            why = "the times of the impulses overflow float64; shape faster vibrations"
+            raise ArgumentError(f"kind = {truncated(self.kind)}: {why}", id="overflow")
         order = np.argsort(times, kind="stable")
         return times[order], weights[order]

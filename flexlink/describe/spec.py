@@ -9,7 +9,7 @@ import reprlib
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import NoneType, UnionType
-from typing import TYPE_CHECKING, Annotated, Any, Union, cast, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, TypeGuard, Union, cast, get_args, get_origin
 
 import msgspec
 import numpy as np
@@ -30,7 +30,7 @@ ONE_PER_LINK = msgspec.Meta(extra={"one per": "link"})
 
 
 def measured_in(*units: str) -> msgspec.Meta:
-    """Metadata with the unit of a number; for a joint's number two units, for revolute and for prismatic joints."""
+    """Metadata with the unit of a number; for a joint's number two units, if it is an angle and if it is a length."""
     return msgspec.Meta(extra={"units": units})
 
 
@@ -68,9 +68,8 @@ class _Explained(msgspec.StructMeta):
             except TypeError:
                 known = fields_of(self)
                 if values and isinstance(values[0], str) and values[0].endswith(".toml"):
-                    raise SceneError(
-                        f"{self.__name__}({values[0]!r}): fl.load_scene reads a file", id="wrong-type"
-                    ) from None
+                    text = f"{self.__name__}({values[0]!r}): fl.load_scene reads a file"
+                    raise SceneError(text, id="wrong-type") from None
                 required = [field.name for field in known if field.required] if not values else []
                 for wrong in key_mistakes(fields, [field.name for field in known], required, self.__name__):
                     raise SceneError(wrong, id=wrong.id) from None
@@ -83,23 +82,15 @@ class _Explained(msgspec.StructMeta):
 
 def _refuse_to_change(part: object, name: str, value: object) -> None:
     kind = type(part).__name__
-    raise ArgumentError(
-        f"{kind}.{name} = {truncated(value)}: scenes and their parts cannot be changed in place; scene.varied returns "
-        "one with other values, such as scene.varied({'tip.mass': 2.0})",
-        id="unchangeable",
-    )
+    remedy = "scene.varied returns one with other values, such as scene.varied({'tip.mass': 2.0})"
+    why = f"scenes and their parts cannot be changed in place; {remedy}"
+    raise ArgumentError(f"{kind}.{name} = {truncated(value)}: {why}", id="unchangeable")
 
 
 class Spec(
     msgspec.Struct, metaclass=_Explained, frozen=True, forbid_unknown_fields=True, kw_only=True, cache_hash=True
 ):
-    """Frozen record whose fields are checked against their annotations, however it is built.
-
-    Raises
-    ------
-    SceneError
-        A field is unknown or missing, has the wrong type, lies outside its range, or is not finite.
-    """
+    """Frozen record whose fields are checked against their annotations, however it is built."""
 
     def __post_init__(self) -> None:
         if getattr(_thread, "validated", False):
@@ -117,6 +108,11 @@ class Spec(
             except msgspec.ValidationError as error:
                 raise SceneError(_explain(value, field.type, field.encode_name, error)) from None
             msgspec.structs.force_setattr(self, field.name, kept)
+
+    def _refused(self, key: str, why: str, id: str) -> SceneError:
+        """The error of the value of a key."""
+        value = getattr(self, key)
+        return SceneError(f"{key} = {repr(value) if isinstance(value, str) else truncated(value)}: {why}", id=id)
 
     def __repr__(self) -> str:
         """Fields that differ from their defaults; long texts and tables are truncated."""
@@ -147,8 +143,8 @@ def to_builtin(value: object) -> object:
     """
     if isinstance(value, np.ndarray):
         return to_builtin(value.tolist())
-    if isinstance(value, np.generic):
-        return _scalar(value)
+    if isinstance(value, np.generic):  # `item` alone would return a longdouble unchanged
+        return float(value) if isinstance(value, np.floating) else value.item()
     if type(value) in {list, tuple}:
         return type(value)(to_builtin(item) for item in value)  # type: ignore[attr-defined, call-arg]
     if type(value) is dict:
@@ -156,29 +152,10 @@ def to_builtin(value: object) -> object:
     return value
 
 
-def _scalar(value: np.generic) -> object:
-    """Built-in object of a NumPy scalar; `item` alone would return a longdouble unchanged."""
-    return float(value) if isinstance(value, np.floating) else value.item()
-
-
 def decode(raw: object, kind: type[T] | Any, path: str = "", *, finite: bool = False) -> T:
-    """Convert parsed TOML into a `Spec`; errors name the key path, the value and what is allowed.
+    """Convert parsed TOML at a key path into a type; errors name the path, the value and what is allowed.
 
-    Parameters
-    ----------
-    raw
-        Parsed TOML of this part of the file.
-    kind
-        Type to build.
-    path
-        Key path of `raw` in its file, for messages.
-    finite
-        Whether `raw` is from a file and all its numbers are known to be finite.
-
-    Raises
-    ------
-    SceneError
-        Unknown key, wrong type, or value out of range or not finite.
+    `finite`: all numbers are known to be finite, and from a file.
     """
     try:
         if not finite:
@@ -212,33 +189,19 @@ def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) 
     where, kind = path_to(keys, raw, kind, path), bare_type(below)
     if error.__cause__ is not None:  # the message of a nested Spec already names field, value and what is allowed
         return Diagnostic(f"{where}.{error.__cause__}".lstrip("."), getattr(error.__cause__, "id", ""))
-    unknown = re.search(r"unknown field `(.*)`", reason)
-    if unknown and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
-        name, allowed = unknown[1], [field.encode_name for field in fields_of(kind)]
-        return _unknown(name, value.get(name), allowed, where)
-    missing = re.search(r"missing required field `(.*)`", reason)
-    if missing:
-        return _missing(f"{where}.{missing[1]}".lstrip("."))
+    if (unknown := re.search(r"unknown field `(.*)`", reason)) and is_record(kind):
+        return _unknown(unknown[1], value.get(unknown[1]), [field.encode_name for field in fields_of(kind)], where)
+    if absent := re.search(r"missing required field `(.*)`", reason):
+        return _missing(f"{where}.{absent[1]}".lstrip("."))
     wanted = expected(str(where), kind, value, reason, units)
     text = f"{where} = {truncated(value)}: {wanted}{why_not('', value)}".removeprefix(" = ")
     return Diagnostic(text, "wrong-value")
 
 
 def check_keys(raw: Mapping[str, Any], allowed: Iterable[str], required: Iterable[str]) -> None:
-    """Check the top-level keys of a parsed file.
-
-    Raises
-    ------
-    SceneError
-        A key is unknown (with its value and what is allowed) or missing.
-    """
-    allowed = list(allowed)
-    for key in raw:
-        if key not in allowed:
-            raise SceneError(_unknown(key, raw[key], allowed))
-    for key in required:
-        if key not in raw:
-            raise SceneError(_missing(key))
+    """Check the top-level keys of a parsed file."""
+    for wrong in key_mistakes(raw, list(allowed), required):
+        raise SceneError(wrong, id=wrong.id)
 
 
 def key_mistakes(
@@ -272,26 +235,15 @@ def _fits(value: object, kind: Any) -> bool:
 def path_to(keys: Iterable[Any], value: Any, kind: Any, path: str = "") -> str:
     """Path of an item, as in `Scene.varied` and `--set`.
 
-    Items of links, motions and lists of one number per link are given by the link's name, or its number from 1; items
-    of other lists by an index from 0 in brackets.
-
-    Parameters
-    ----------
-    keys
-        Keys and indices that lead from `value` to the item.
-    value
-        The value at `path`.
-    kind
-        Type annotation of `value`.
-    path
-        Path of `value`.
+    Keys and indices lead from `value`, of a kind, at `path` to the item. Items of links, motions and lists of one
+    number per link are given by the link's name, or its number from 1; items of other lists by an index in brackets.
     """
     for key in keys:
         if not isinstance(value, list | tuple):
             path += f".{key}"
         elif is_per_link(kind):
             path += f".{key + 1}"
-        elif issubclass(_class_of(type_below(kind, key)), msgspec.Struct):
+        elif is_record(bare_type(type_below(kind, key))):
             path += f".{link_key([_link_name(item) for item in value], key)}"
         else:
             path += f"[{key}]"
@@ -329,16 +281,16 @@ def _link_name(item: Any) -> object:
     return table.get("name", table.get("link")) if isinstance(table, dict) else None
 
 
-def _class_of(kind: Any) -> type:
-    kind = bare_type(kind)
-    return kind if isinstance(kind, type) else object
+def is_record(kind: Any) -> TypeGuard[type[msgspec.Struct]]:
+    """Whether a type is a description or another record, with fields."""
+    return isinstance(kind, type) and issubclass(kind, msgspec.Struct)
 
 
 @functools.cache
 def type_below(kind: Any, key: str) -> Any:
     """Annotation of `key` inside `kind`, one level down a key path."""
     kind = bare_type(kind)
-    if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+    if is_record(kind):
         return next((f.type for f in fields_of(kind) if f.encode_name == key), None)
     inner = [a for a in get_args(kind) if a is not Ellipsis]
     return inner[-1] if inner and get_origin(kind) in {tuple, list, dict} else None
@@ -353,8 +305,7 @@ def bare_type(kind: Any) -> Any:
 
 
 def _check_finite(value: object, kind: Any, path: str) -> None:
-    flaw = _flaw(value)
-    if flaw is not None:
+    if (flaw := _flaw(value)) is not None:
         *keys, text = flaw
         raise SceneError(f"{path_to(keys, value, kind, path)} = {text}", id="not-finite")
 
@@ -375,8 +326,7 @@ def _flaw(value: object) -> tuple[Any, ...] | None:
     elif isinstance(value, (list, tuple)):
         items = enumerate(value)
     for key, item in items:
-        flaw = _flaw(item)
-        if flaw is not None:
+        if (flaw := _flaw(item)) is not None:
             return key, *flaw
     return None
 
@@ -400,7 +350,7 @@ def _below(raw: Any, kind: Any, path: str) -> Iterator[Diagnostic]:
     if get_origin(bare) is dict and isinstance(raw, dict):
         for key, item in raw.items():
             yield from mistakes(item, get_args(bare)[1], f"{path}.{key}")
-    elif isinstance(bare, type) and issubclass(bare, msgspec.Struct) and isinstance(raw, dict):
+    elif is_record(bare) and isinstance(raw, dict):
         fields = fields_of(bare)
         names = [field.encode_name for field in fields]
         yield from key_mistakes(raw, names, (f.encode_name for f in fields if f.required), path)
@@ -413,15 +363,8 @@ def _below(raw: Any, kind: Any, path: str) -> Iterator[Diagnostic]:
 
 
 def raise_together(found: Iterable[Diagnostic]) -> None:
-    """Raise one error that lists all mistakes, if there are any, with the id of the first mistake.
-
-    Raises
-    ------
-    SceneError
-        The mistakes, separated by "; also ".
-    """
-    # largest number of mistakes listed; a file with more is probably not a scene
-    most = 20
+    """Raise one error that lists all mistakes, if there are any, with the id of the first mistake."""
+    most = 20  # a file with more is probably not a scene
     texts = list(dict.fromkeys(found))
     if texts:
         more = [f"{len(texts) - most} more"] if len(texts) > most else []

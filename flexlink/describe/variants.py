@@ -20,11 +20,10 @@ from flexlink.common.wording import truncated
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.link import Link
 from flexlink.describe.run_settings import implied
-from flexlink.describe.scene import FIELDS, Scene
-from flexlink.describe.scene_keys import OF_ARM
+from flexlink.describe.scene import FIELDS, OF_ARM, Scene
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.spec import Spec, bare_type, build_validated, decode, fields_of, to_builtin
-from flexlink.describe.vary import Keys, parts_of, routes_to, to_document
+from flexlink.describe.vary import Keys, parts_by_key, parts_of, routes_to, to_document
 
 Tree = dict[Any, Any]
 Base = tuple[Scene, Mapping[str, Any], Tree]
@@ -103,13 +102,8 @@ def _reads_back(scene: Scene, paths: Sequence[str]) -> bool:
     if gone and scene.varied(gone) != scene:
         return False
     tops = {parts_of(path)[0] for path in paths}
-    document, parts = scene.document(tops), {field.encode_name: field.name for field in fields_of(Scene)}
-    of_arm = {field.encode_name: field.name for field in fields_of(type(scene.arm))}
-    for top in tops:
-        part = getattr(scene.arm, of_arm[top]) if top in OF_ARM else getattr(scene, parts[top])
-        if top not in document or decode(document[top], FIELDS[top], top) != part:
-            return False
-    return True
+    document, parts = scene.document(tops), {**parts_by_key(scene), **parts_by_key(scene.arm)}
+    return all(top in document and decode(document[top], FIELDS[top], top) == parts[top] for top in tops)
 
 
 def _plant(tree: Tree, part: Any, keys: Keys, path: str) -> bool:
@@ -174,20 +168,12 @@ def refined(scene: Scene, factor: float) -> Scene:
     """Return the scene with `factor` times the hinges in every link that bends, rounded up as the link's rule allows.
 
     They move one by one: a link with strain modes loses them, so the difference includes what its shapes leave out.
-
-    Raises
-    ------
-    SceneError
-        The scene starts from coordinates of its hinges, which fit only one number of hinges.
     """
     for name in ("q", "qd"):
         value = getattr(scene.initial, name)
         if value is not None:
-            raise SceneError(
-                f"initial.{name} = {truncated(value)}: fits only one number of hinges; use initial.joint_deg, rate_deg "
-                "and passive",
-                id="hinge-state-with-advice",
-            )
+            text = f"initial.{name} = {truncated(value)}: fits only one number of hinges"
+            raise SceneError(f"{text}; use initial.joint_deg, rate_deg and passive", id="hinge-state-with-advice")
     links = tuple(_refined(link, factor) for link in scene.arm.links)
     return replace(scene, arm=replace(scene.arm, links=links))
 

@@ -20,9 +20,9 @@ from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.memo import keep_last
 from flexlink.common.wording import did_you_mean, truncated
 from flexlink.describe.expected import why_not
-from flexlink.describe.joint_units import IN_METRES, TWINS
+from flexlink.describe.joint_units import fits_joint
 from flexlink.describe.link import RIGID
-from flexlink.describe.spec import Spec, Vector3, bare_type, fields_of, is_per_link, to_builtin, type_below
+from flexlink.describe.spec import Spec, Vector3, bare_type, fields_of, is_per_link, is_record, to_builtin, type_below
 
 Keys = tuple[Any, ...]
 """Keys of tables, and indices of list items from 0."""
@@ -32,29 +32,13 @@ def apply_changes(document: dict[str, Any], kinds: Mapping[str, Any], changes: M
     """Insert values into a parsed document, in any order; the result must still be checked.
 
     First the values that decide which links a `*` selects, then tables before their parts, and `*` before names. A link
-    that becomes rigid loses what only bending needs.
-
-    Parameters
-    ----------
-    document
-        A complete scene from `to_document`, with the arm's keys at the top level. Tables and lists that change are
-        replaced by copies, so the originals are unchanged.
-    kinds
-        Type annotation of each top-level key.
-    changes
-        Values by path; None removes the key, which restores its default.
-
-    Raises
-    ------
-    ArgumentError
-        `changes` is not a dict of values by path.
-    SceneError
-        A path does not exist; the message names it, its value and what is allowed there.
+    that becomes rigid loses what only bending needs. The document is a complete scene from `to_document`, with the
+    arm's keys at the top level, whose types are `kinds`; tables and lists that change are replaced by copies. None
+    removes a key, which restores its default.
     """
     if not isinstance(changes, Mapping):
-        raise ArgumentError(
-            f"changes = {truncated(changes)}: expected a dict such as {{'run.step': 1e-5}}", id="wrong-type"
-        )
+        text = f"changes = {truncated(changes)}: expected a dict such as {{'run.step': 1e-5}}"
+        raise ArgumentError(text, id="wrong-type")
     for path in changes:
         if not isinstance(path, str):
             raise ArgumentError(f"changes: {truncated(path)}: expected a path such as 'run.step'", id="path-form")
@@ -93,25 +77,13 @@ def parts_of(path: str) -> tuple[str, ...]:
 
 
 def values_at(document: dict[str, Any], kinds: Mapping[str, Any], path: str) -> list[Any]:
-    """Values at a path: one, or several with `*`; None if nothing is there. Arguments as in `apply_changes`.
-
-    Raises
-    ------
-    SceneError
-        The path does not exist.
-    """
+    """Values at a path: one, or several with `*`; None if nothing is there. Arguments as in `apply_changes`."""
     targets = _Change(document, path).targets(document, kinds)
     return [node.get(key) if isinstance(node, dict) else node[key] for node, key, _ in targets]
 
 
 def number_in(values: Sequence[Any]) -> float:
-    """Return the number at a path, from the result of `values_at`.
-
-    Raises
-    ------
-    SceneError
-        A value is not a number, or several numbers differ. The message starts with the value; callers prepend the path.
-    """
+    """Return the number at a path, from the result of `values_at`."""
     if any(isinstance(value, bool) or not isinstance(value, int | float) for value in values):
         raise SceneError(f"{truncated(values[0])}: not a number in the scene; set it", id="not-a-number")
     if len(set(values)) != 1:
@@ -216,7 +188,7 @@ class _Change:
         if isinstance(kind, dict):
             return [self._one_of(part, kind, keys=True)]
         above, per_link, kind = self._above(depth), is_per_link(kind), bare_type(kind)
-        if isinstance(node, dict) and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+        if isinstance(node, dict) and is_record(kind):
             return [self._one_of(part, _keys_of(kind), keys=True)]
         if isinstance(node, dict) and get_origin(kind) is dict:
             new = depth == len(self.parts) - 1  # a complete material or section
@@ -267,8 +239,8 @@ class _Change:
         if above != "link":
             where, _, key = above.rpartition(".")
             every = [True] * len(free) if where == "initial" and key in {"joint_deg", "joint_m"} else free
-            slides = [get_in(link, "joint", "kind") == "prismatic" for link in self.links]
-            return [e and (key not in TWINS or s != (key in IN_METRES)) for e, s in zip(every, slides, strict=True)]
+            kinds = [get_in(link, "joint", "kind") for link in self.links]
+            return [each and fits_joint(key, kind) for each, kind in zip(every, kinds, strict=True)]
         if below and below[0] in {"flex", "segments", "lumping", "modes", "shear", "stretch", "damping", "friction"}:
             return [(get_in(link, "flex") or "rigid") != "rigid" for link in self.links]
         if below and below[0] in {"material", "section", "section_tip", "up"}:

@@ -12,15 +12,7 @@ from flexlink.describe.spec import Spec, default_of, fields_of
 
 
 def without_defaults(value: Any, always: frozenset[str] = frozenset()) -> Any:
-    """Return the values of a description that differ from the defaults, as dicts, lists, strings and numbers.
-
-    Parameters
-    ----------
-    value
-        A `Spec`, or a value in one.
-    always
-        Names of fields that are included even if they have their default value.
-    """
+    """Values of a description that differ from the defaults, and `always` those of some fields, as built-in types."""
     if isinstance(value, Spec):
         fields = [(field, getattr(value, field.name)) for field in fields_of(type(value))]
         return {

@@ -20,7 +20,7 @@ from flexlink.common.errors import Diagnostic, FlexlinkError
 from flexlink.common.types import Array
 from flexlink.data.smoothing import best_cutoff, noise_of, smoothed
 from flexlink.describe.actions import PrescribedMotion
-from flexlink.describe.from_files import keys_of_motion, recorded_positions
+from flexlink.describe.from_files import recorded_positions
 from flexlink.describe.link import Link
 from flexlink.describe.scene import Scene
 from flexlink.identification.data import Source, recorded
@@ -137,7 +137,8 @@ def _version(scene: Scene, motion: PrescribedMotion, by: float, rng: np.random.G
     cutoff = min(cutoff, 0.45 / float(np.diff(t).max()))
     if rng is not None:
         y = y + noise_of(y) * rng.standard_normal(len(y))
-    rows = {key: tuple(part.tolist()) for key, part in zip(keys_of_motion(link), smoothed(t, y, cutoff), strict=True)}
+    keys = link.joint.terms.motion
+    rows = {key: tuple(part.tolist()) for key, part in zip(keys, smoothed(t, y, cutoff), strict=True)}
     return replace(motion, file=None, cutoff=None, times=tuple(t.tolist()), **rows)
 
 

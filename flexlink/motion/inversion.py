@@ -17,7 +17,8 @@ from flexlink.common.errors import Diagnostic, SceneError
 from flexlink.common.types import Array, Complex
 from flexlink.describe.drive import Drive
 from flexlink.describe.initial import InitialState
-from flexlink.describe.reference import OF_MOTION, Reference
+from flexlink.describe.joint_units import OF_MOTION
+from flexlink.describe.reference import Reference
 from flexlink.describe.scene import Scene
 from flexlink.describe.shaping import InputShaper
 from flexlink.dynamics.result import Result

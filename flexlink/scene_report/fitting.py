@@ -19,7 +19,6 @@ import scipy
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.data.measured import Measured
-from flexlink.describe.joint_units import OF_JOINT
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.rounding import EPS, ROUNDINGS
 from flexlink.identification.fit import quick_estimates
@@ -114,7 +113,7 @@ def numbers_of(scene: Scene) -> Iterator[Tried]:
             and scene.initial.q is None
             and not any(m.link in (number, link.name) for m in scene.motion)
         ):
-            yield Tried(f"initial.joint_{OF_JOINT[joint.slides].unit}.{number}", f"start of {link.name}", start)
+            yield Tried(f"initial.joint_{joint.terms.unit}.{number}", f"start of {link.name}", start)
 
 
 def quoted(name: str) -> str:

@@ -58,7 +58,7 @@ def test_help_loads_no_command(arguments: list[str]) -> None:
 @pytest.mark.parametrize("command", ["info", "simulate"])
 def test_a_command_loads_no_other_command_and_no_unused_package(command: str) -> None:
     modules = loaded_by(command, PAPER)
-    assert commands(modules) - {"json_output"} == {command} | ({"modes"} if command == "info" else set())
+    assert commands(modules) == {command} | ({"modes"} if command == "info" else set())
     others = {"advice", "diagnosis", "engines", "fits", "identification", "pages", "robots", "scene_report", "sweeps"}
     assert rooms(modules) & others == set()
     assert modules & {"matplotlib", "scipy.signal", "scipy.sparse", "scipy.interpolate", "scipy.special"} == set()

@@ -17,8 +17,7 @@ import flexlink as fl
 from flexlink.cli import simulate
 from flexlink.cli.main import main
 from flexlink.common import output, progress
-from flexlink.common.entry import is_command
-from flexlink.common.interruption import LAST, StoppedError, deferred
+from flexlink.common.interruption import LAST, StoppedError, deferred, is_command
 from flexlink.results import files
 from tests.conftest import ROOT
 from tests.support.words import refused, reviewed

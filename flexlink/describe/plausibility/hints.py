@@ -8,16 +8,7 @@ from collections.abc import Iterator, Sequence
 from flexlink.common.errors import Diagnostic
 from flexlink.common.memo import keep_last
 from flexlink.describe.material import BREADTHS
-from flexlink.describe.plausibility.loads import (
-    Situation,
-    of_bodies,
-    of_gravity,
-    of_joints,
-    of_loads,
-    of_masses,
-    of_places,
-    situation_of,
-)
+from flexlink.describe.plausibility import loads
 from flexlink.describe.plausibility.sizes import hint_if_outside, largest_dimension, of_materials, of_sections, shown
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
@@ -25,20 +16,10 @@ from flexlink.describe.sensor import column_names
 
 @keep_last(64)
 def hints(scene: Scene) -> tuple[Diagnostic, ...]:
-    """Find numbers that were probably given in another unit, each with plausible values and the likely unit.
+    """Numbers that were probably given in another unit, each with plausible values and the likely unit, one line each.
 
     It never raises, and only does arithmetic on the scene's numbers, without lumping. Units are inferred from ranges of
     material properties, slenderness, sizes relative to the arm, strains under its load, and the digits of angles.
-
-    Parameters
-    ----------
-    scene
-        The scene.
-
-    Returns
-    -------
-    tuple of Diagnostic
-        One line each; empty if all numbers are plausible.
     """
     try:
         return tuple(_hints(scene))
@@ -47,17 +28,17 @@ def hints(scene: Scene) -> tuple[Diagnostic, ...]:
 
 
 def _hints(scene: Scene) -> Iterator[Diagnostic]:
-    arm, about = scene.arm, situation_of(scene)
-    causes = [*of_materials(arm), *of_sections(arm), *of_gravity(scene), *of_places(scene, about)]
-    causes += of_masses(scene, about)
+    arm, about = scene.arm, loads.situation_of(scene)
+    causes = [*of_materials(arm), *of_sections(arm), *loads.of_gravity(scene), *loads.of_places(scene, about)]
+    causes += loads.of_masses(scene, about)
     yield from causes
-    yield from of_bodies(scene, about)
+    yield from loads.of_bodies(scene, about)
     yield from of_angles(scene)
     yield from of_times(scene, about)
     yield from of_sensors(scene)
     if not causes:  # these hints depend on the numbers checked above
-        loads = list(of_loads(scene, about))
-        yield from loads or of_joints(scene, about)
+        strained = list(loads.of_loads(scene, about))
+        yield from strained or loads.of_joints(scene, about)
 
 
 def of_sensors(scene: Scene) -> Iterator[Diagnostic]:
@@ -83,41 +64,30 @@ def of_sensors(scene: Scene) -> Iterator[Diagnostic]:
 def of_angles(scene: Scene) -> Iterator[Diagnostic]:
     """Hints on angles in degrees whose digits match multiples of 5° in radians, and on angles beyond 2π in radians."""
     arm, drive, reference = scene.arm, scene.drive, scene.drive.reference
-    angles: list[tuple[str, Sequence[float]]] = [
-        ("initial.joint_deg", scene.initial.joint_deg), ("drive.target_deg", drive.target_deg or ()),
-    ]  # fmt: skip
+    angles: dict[str, Sequence[float] | None] = {
+        "initial.joint_deg": scene.initial.joint_deg, "drive.target_deg": drive.target_deg,
+    }  # fmt: skip
     if reference is not None:
-        angles += [
-            ("drive.reference.to_deg", reference.to_deg or ()),
-            ("drive.reference.from_deg", reference.from_deg or ()),
-        ]
-    for motion in scene.motion:
-        angles += [(f"motion.{motion.link}.angle_deg", motion.angle_deg or ())]
+        angles |= {f"drive.reference.{key}": getattr(reference, key) for key in ("to_deg", "from_deg")}
+    angles |= {f"motion.{motion.link}.angle_deg": motion.angle_deg for motion in scene.motion}
     for k, link in enumerate(arm.links, 1):
         path = arm.path(k)
-        angles += [
-            (f"{path}.mount.rpy_deg", link.mount.rpy_deg),
-            (f"{path}.joint.limits_deg", link.joint.limits_deg or ()),
-        ]
+        angles |= {f"{path}.mount.rpy_deg": link.mount.rpy_deg, f"{path}.joint.limits_deg": link.joint.limits_deg}
         if link.dh is not None:
-            angles += [(f"{path}.dh.alpha_deg", (link.dh.alpha_deg,)), (f"{path}.dh.theta_deg", (link.dh.theta_deg,))]
+            angles |= {f"{path}.dh.alpha_deg": (link.dh.alpha_deg,), f"{path}.dh.theta_deg": (link.dh.theta_deg,)}
         if max(map(abs, link.mount.rpy or (0.0,))) > 2 * math.pi + 1e-3:
-            yield Diagnostic(
-                f"{path}.mount.rpy = {shown(link.mount.rpy or ())} rad: more than one turn; likely given in deg: use "
-                "rpy_deg",
-                "likely-degrees",
-            )
+            turns = f"{path}.mount.rpy = {shown(link.mount.rpy or ())} rad: more than one turn"
+            yield Diagnostic(f"{turns}; likely given in deg: use rpy_deg", "likely-degrees")
     yield from _of_turns(scene)
-    for path, values in angles:
+    for path, given in angles.items():
+        values = given or ()
         nonzero = [value for value in values if value]
         several = len(nonzero) > 1 and all(_looks_like_radians(value, 15) for value in nonzero)
         found = several or any(map(_looks_like_radians, nonzero))
         if nonzero and max(map(abs, nonzero)) <= 2 * math.pi + 0.01 and found:
             inner = ", ".join(f"{math.degrees(value):.4g}" for value in values)
-            why = "the digits match round angles in radians"
-            yield Diagnostic(
-                f"{path} = {shown(values)} deg: {why}; likely given in rad: in degrees [{inner}]", "likely-radians"
-            )
+            why = f"the digits match round angles in radians; likely given in rad: in degrees [{inner}]"
+            yield Diagnostic(f"{path} = {shown(values)} deg: {why}", "likely-radians")
 
 
 def _of_turns(scene: Scene) -> Iterator[Diagnostic]:
@@ -130,10 +100,8 @@ def _of_turns(scene: Scene) -> Iterator[Diagnostic]:
     for path, angles in columns.items():
         if angles and max(angles) - min(angles) > 360.0 and abs(angles[-1] - round(angles[-1])) > 1e-6:
             turns = (max(angles) - min(angles)) / 360.0
-            yield Diagnostic(
-                f"{path}: {turns:.3g} turns; if the column was in degrees, write [deg] in its name instead of [rad]",
-                "likely-degrees",
-            )
+            remedy = "if the column was in degrees, write [deg] in its name instead of [rad]"
+            yield Diagnostic(f"{path}: {turns:.3g} turns; {remedy}", "likely-degrees")
 
 
 def _looks_like_radians(value: float, coarse: int = 90) -> bool:
@@ -146,17 +114,16 @@ def _looks_like_radians(value: float, coarse: int = 90) -> bool:
     return nearest > 0 and abs(abs(value) - nearest) <= 1.1 * 10.0**-decimals
 
 
-def of_times(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
+def of_times(scene: Scene, about: loads.Situation) -> Iterator[Diagnostic]:
     """Hints on tables much longer than the run, on late drives, and on tolerances large for the arm's reach."""
-    run = scene.run
-    reference = scene.drive.reference
+    run, reference = scene.run, scene.drive.reference
     durations = {"run.duration": run.duration, "drive.reference.duration": (reference and reference.duration) or 0.0}
     for path, duration in durations.items():
         yield from hint_if_outside(path, duration, "duration", duration)
-    tables = [("drive", scene.drive.times), ("wrench", scene.wrench.times)]
-    tables += [(f"motion.{motion.link}", motion.times) for motion in scene.motion]
-    tables += [("drive.reference", scene.drive.reference.times)] if scene.drive.reference is not None else []
-    for path, times in tables:
+    tables = {"drive": scene.drive.times, "wrench": scene.wrench.times}
+    tables |= {f"motion.{motion.link}": motion.times for motion in scene.motion}
+    tables |= {} if reference is None else {"drive.reference": reference.times}
+    for path, times in tables.items():
         if times and run.duration > 0 and times[-1] > 10.0:
             yield from hint_if_outside(f"{path}.times[{len(times) - 1}]", times[-1], "times", times[-1] / run.duration)
     yield from hint_if_outside("drive.delay", scene.drive.delay, "delay", scene.drive.delay)

@@ -70,30 +70,27 @@ def of_masses(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
 
 def of_joints(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
     """Hints on rotors, gears, root springs and torques that are implausible for the masses they move."""
-    arm, drive = scene.arm, scene.drive
-    whole = about.inertia()
+    arm, whole = scene.arm, about.inertia
     for k, link in enumerate(arm.links):
-        path, joint = arm.path(k + 1), link.joint
+        path, joint, kind = arm.path(k + 1), link.joint, link.joint.terms
         for axis, (stiffness, _) in link.root_springs.items():
-            sag = about.moment(k) / stiffness
+            sag = about.pull * about.first_moment(k) / stiffness
             yield from hint_if_outside(
                 f"{path}.root_stiffness.{axis}", stiffness, "root_sag", sag, -1.0, f" {sag:.2g} rad"
             )
         if joint.slides:
-            yield from _of_sliding_joint(scene, about, k)
-            continue
-        if whole > 0:
+            yield from _of_travel(scene, k)
+        elif whole > 0:
             yield from hint_if_outside(f"{path}.joint.armature", joint.armature, "armature", joint.armature / whole)
-        if joint.gear_stiffness is not None:
-            sag = about.moment(k) / joint.gear_stiffness
-            yield from hint_if_outside(
-                f"{path}.joint.gear_stiffness", joint.gear_stiffness, "gear_sag", sag, -1.0, f" {sag:.2g} rad"
-            )
-        usual = about.weight_moment(k) + BRISK * joint.armature
-        for key, row in _torques(scene):
-            if about.inertia(k) > 0:
-                yield from hint_if_outside(arm.path(k + 1, key), row[k], "torque", abs(row[k]) / usual)
-    yield from _of_controller(drive)
+        moved = about.mass(k) if joint.slides else about.first_moment(k)
+        if (stiffness := joint.gear_stiffness or 0.0) and about.reach > 0:
+            sag, name = about.pull * moved / stiffness, "gear_slip" if joint.slides else "gear_sag"
+            detail = f" {sag:.2g} {kind.si}"
+            yield from hint_if_outside(f"{path}.joint.gear_stiffness", stiffness, name, sag, -1.0, detail)
+        usual = 9.81 * moved + BRISK * joint.armature
+        for key, row in _torques(scene) if moved > 0 else ():
+            yield from hint_if_outside(arm.path(k + 1, key), row[k], kind.load, abs(row[k]) / usual)
+    yield from _of_controller(scene.drive)
 
 
 def _of_controller(drive: Drive) -> Iterator[Diagnostic]:
@@ -105,26 +102,16 @@ def _of_controller(drive: Drive) -> Iterator[Diagnostic]:
         yield from hint_if_outside("drive.kp", drive.kp, "bandwidth", bandwidth, detail=f" {bandwidth:.3g} rad/s")
 
 
-def _of_sliding_joint(scene: Scene, about: Situation, k: int) -> Iterator[Diagnostic]:
-    """Hints on a prismatic joint: forces and gears implausible for the mass it moves, and positions beyond 100 m."""
-    arm, joint = scene.arm, scene.arm.links[k].joint
-    path, mass = arm.path(k + 1), about.mass(k)
-    if mass > 0:
-        usual = 9.81 * mass + BRISK * joint.armature
-        for key, row in _torques(scene):
-            yield from hint_if_outside(arm.path(k + 1, key), row[k], "force", abs(row[k]) / usual)
-    if joint.gear_stiffness is not None and about.reach > 0:
-        sag = about.force(k) / joint.gear_stiffness
-        yield from hint_if_outside(
-            f"{path}.joint.gear_stiffness", joint.gear_stiffness, "gear_slip", sag, -1.0, f" {sag:.2g} m"
-        )
-    travel = {f"{path}.joint.limits_m": joint.limits_m or (), arm.path(k + 1, "initial.joint_m"): (scene.starts[k],)}
-    for key, positions in travel.items():
-        # limit for positions of prismatic joints, larger than the travel of cranes [m]
-        if positions and max(map(abs, positions)) > 100.0:
-            yield from hint_if_outside(
-                key, positions if len(positions) > 1 else positions[0], "place", max(map(abs, positions))
-            )
+def _of_travel(scene: Scene, k: int) -> Iterator[Diagnostic]:
+    """Hints on positions of a joint beyond 100 m, more than the travel of cranes."""
+    arm = scene.arm
+    limits, start = arm.links[k].joint.limits_m or (0.0,), scene.starts[k]
+    for key, value, far in (
+        (f"{arm.path(k + 1)}.joint.limits_m", limits, max(map(abs, limits))),
+        (arm.path(k + 1, "initial.joint_m"), start, abs(start)),
+    ):
+        if far > 100.0:
+            yield from hint_if_outside(key, value, "place", far)
 
 
 def _torques(scene: Scene) -> list[tuple[str, Sequence[float]]]:
@@ -148,7 +135,7 @@ def of_loads(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
         parts = {
             "tip.mass": about.pull * about.payload * beyond, "wrench.force": force * beyond, "wrench.moment": moment,
         }  # fmt: skip
-        own = about.moment(k) - parts["tip.mass"]
+        own = about.pull * about.first_moment(k) - parts["tip.mass"]
         strain = _strain(material.young, section, own + sum(parts.values()))
         # materials with a Young's modulus below 5e9 Pa can bear larger strains
         known = ranges()["strain_of_soft" if material.young < 5e9 else "strain"]
@@ -205,27 +192,17 @@ class Situation(NamedTuple):
         # 0.3 m/s²: typical acceleration during handling, which is the load if there is no gravity, as in space
         return max(self.gravity, 0.3)
 
-    def moment(self, k: int) -> float:
-        """Moment about the joint of link k (from 0) due to the weight, or handling force, of its subtree [N m]."""
-        return self.pull * self._first_moment(k)
-
-    def weight_moment(self, k: int) -> float:
-        """Moment about the joint of link k (from 0) due to the subtree's weight on Earth [N m]."""
-        return 9.81 * self._first_moment(k)
-
-    def force(self, k: int) -> float:
-        """Weight, or handling force, of link k (from 0) and its subtree, along the axis of its joint [N]."""
-        return self.pull * self.mass(k)
-
-    def mass(self, k: int = 0) -> float:
+    def mass(self, k: int) -> float:
         """Mass of link k (from 0) and its subtree [kg]."""
         return sum(self.masses[k:]) + self.payload
 
-    def inertia(self, k: int = 0) -> float:
-        """Inertia of link k (from 0) and its subtree about its joint [kg m²]."""
-        return self._first_moment(k) * max(sum(self.spans[k:]), 1e-3)
+    @property
+    def inertia(self) -> float:
+        """Inertia of the arm about its first joint [kg m²]."""
+        return self.first_moment(0) * max(sum(self.spans), 1e-3)
 
-    def _first_moment(self, k: int) -> float:
+    def first_moment(self, k: int) -> float:
+        """First moment of mass of link k (from 0) and its subtree about its joint [kg m]."""
         first, at = 0.0, 0.0
         for span, mass in zip(self.spans[k:], self.masses[k:], strict=True):
             first += mass * (at + span / 2)

@@ -158,20 +158,9 @@ def ranges() -> dict[str, Range]:
 def hint_if_outside(
     path: str, value: float | Sequence[float], name: str, at: float, power: float = 1.0, detail: str = ""
 ) -> Iterator[Diagnostic]:
-    """Yield a hint if a quantity is not plausible.
+    """Yield a hint on a number or vector if a quantity is not plausible; `detail` is appended to the reason.
 
-    Parameters
-    ----------
-    path, value
-        Path of a number or vector, and its value, for the hint.
-    name
-        Name of the quantity.
-    at
-        Value of the quantity: the number itself, or one derived from it.
-    power
-        Power of the number to which the quantity is proportional.
-    detail
-        Text appended to the reason.
+    The quantity is `at`, the number itself or one derived from it, which is proportional to this `power` of the number.
     """
     known = ranges()[name]
     if known.holds(at):

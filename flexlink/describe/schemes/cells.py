@@ -84,13 +84,7 @@ class Cells(Spec, frozen=True):
         return positions, lengths
 
     def place(self, count: int) -> tuple[Array, Array]:
-        """Nodes and weights of `count` hinges; the weights correspond to the diagonal of K.
-
-        Raises
-        ------
-        ArgumentError
-            `count` is not a multiple of p; the message gives the two nearest numbers of segments.
-        """
+        """Nodes and weights of `count` hinges; the weights correspond to the diagonal of K."""
         if count % self.hinges:
             raise no_multiple(count, self.hinges)
         cells, one = count // self.hinges, self.cell

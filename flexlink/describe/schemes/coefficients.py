@@ -21,8 +21,9 @@ from fractions import Fraction
 from math import comb
 
 import numpy as np
+from numpy.polynomial.polynomial import polyadd, polyder, polyint, polymul, polysub, polyval
 
-from flexlink.common.polynomials import Polynomial, add, derivative, evaluate, float64, integral, lagrange, multiply
+from flexlink.common.polynomials import Polynomial, float64, lagrange
 from flexlink.common.types import Array
 
 Tableau = tuple[list[list[Fraction]], list[Fraction], list[Fraction]]
@@ -35,15 +36,19 @@ ORDER: dict[str, Callable[[int], int]] = {"Gauss": lambda s: 2 * s, "Radau IIA":
 def tableau(family: str, stages: int) -> Tableau:
     """A, b and c of a method of a family, each accurate to 2^−255."""
     p = _legendre(stages)
-    c = _zeros(p if family == "Gauss" else add(p, [-x for x in _legendre(stages - 1)]))
-    integrals = [integral(p) for p in lagrange(c)]
-    A = [[_rounded(evaluate(p, x)) for p in integrals] for x in c]
-    return A, [_rounded(evaluate(p, Fraction(1))) for p in integrals], c
+    c = _zeros(p if family == "Gauss" else polysub(p, _legendre(stages - 1)))
+    integrals = [polyint(p) for p in lagrange(c)]
+    A = [[_rounded(_value(p, x)) for p in integrals] for x in c]
+    return A, [_rounded(_value(p, Fraction(1))) for p in integrals], c
 
 
 def weights_at(c: Sequence[Fraction], x: Fraction) -> list[Fraction]:
     """ℓ_j(x): interpolation weights, so that Σ_j ℓ_j(x) f_j is the interpolating polynomial's value at x."""
-    return [evaluate(p, x) for p in lagrange(c)]
+    return [_value(p, x) for p in lagrange(c)]
+
+
+def _value(p: Polynomial, x: Fraction) -> Fraction:
+    return polyval(x, p)  # type: ignore[return-value]
 
 
 def _legendre(s: int) -> Polynomial:
@@ -53,10 +58,10 @@ def _legendre(s: int) -> Polynomial:
 
 def _zeros(p: Polynomial) -> list[Fraction]:
     """Simple zeros on [0, 1], ascending, from float64 values refined by Newton's method."""
-    slope = derivative(p)
+    slope = polyder(p)
     zeros = [Fraction(float(x)) for x in np.sort(np.roots([float(x) for x in reversed(p)]).real)]
     for _doubling_of_digits in range(6):  # from 8 correct bits to 512
-        zeros = [_rounded(x - evaluate(p, x) / evaluate(slope, x)) for x in zeros]
+        zeros = [_rounded(x - _value(p, x) / _value(slope, x)) for x in zeros]
     return zeros
 
 
@@ -85,40 +90,31 @@ def polynomials(b: Sequence[Fraction], ends: Sequence[Fraction], rows: Sequence[
     """
     s, stages = len(b), len(rows[0])
     powers = max(4, len(rows) + 3)
-    once, twice = list[Polynomial](), list[Polynomial]()
+    once, twice, zeros = list[Polynomial](), list[Polynomial](), [Fraction(0)] * powers
     for i in range(stages):
         β = _weight(b[i] if i < s else Fraction(0), i == 0, i == s, [row[i] for row in rows])
-        α = integral(β)
-        left = (ends[i] if i < s else Fraction(0)) - evaluate(α, Fraction(1))
-        α = _sum(α, _polynomial(0, 0, 3 * left, -2 * left))
-        once.append(_long(β[1:], powers))
-        twice.append(_long(α[2:], powers))
-    return float64([once, twice])  # type: ignore[arg-type]
+        α: Polynomial = polyint(β)
+        left = (ends[i] if i < s else Fraction(0)) - _value(α, Fraction(1))
+        α = polyadd(α, _polynomial(0, 0, 3 * left, -2 * left))
+        once.append([*β[1:], *zeros][:powers])
+        twice.append([*α[2:], *zeros][:powers])
+    return float64([once, twice])
 
 
 def _weight(b: Fraction, first: bool, last: bool, d: Sequence[Fraction]) -> Polynomial:
     """β_i of a stage with weight b: the `first` stage, the derivative at the end (`last`), or another."""
     x, rest = _polynomial(0, 1), _polynomial(1, -1)
-    bump = multiply(x, rest)
-    β = [b * p for p in _polynomial(0, 0, 3, -2)]
+    bump = polymul(x, rest)
+    β: Polynomial = _polynomial(0, 0, 3 * b, -2 * b)
     if first:
-        β = _sum(β, multiply(bump, rest))
+        β = polyadd(β, polymul(bump, rest))
     if last:
-        β = _sum(β, [-p for p in multiply(x, bump)])
+        β = polysub(β, polymul(x, bump))
     w: Polynomial = [Fraction(0)]
     for m in range(len(d) - 1, -1, -1):
-        w = _sum([d[m]], multiply(x if m % 2 == 0 else rest, w))
-    return _sum(β, multiply(multiply(bump, bump), w))
+        w = polyadd([d[m]], polymul(x if m % 2 == 0 else rest, w))
+    return polyadd(β, polymul(polymul(bump, bump), w))
 
 
-def _polynomial(*coefficients: int | Fraction) -> Polynomial:
+def _polynomial(*coefficients: int | Fraction) -> list[Fraction]:
     return [Fraction(x) for x in coefficients]
-
-
-def _sum(p: Polynomial, q: Polynomial) -> Polynomial:
-    """Sum of polynomials p and q, whose degrees may differ."""
-    return add(p, q) if len(p) >= len(q) else add(q, p)
-
-
-def _long(p: Polynomial, powers: int) -> Polynomial:
-    return [*p, *[Fraction(0)] * (powers - len(p))]

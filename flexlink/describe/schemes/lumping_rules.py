@@ -16,7 +16,6 @@ import numpy as np
 
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.types import Array
-from flexlink.common.wording import truncated
 from flexlink.describe import data_files
 from flexlink.describe.schemes.cells import Cells, no_multiple
 from flexlink.describe.spec import NonNegative, Positive, Spec
@@ -51,17 +50,13 @@ class Element(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.nodes or len(self.nodes) != len(self.weights):
-            raise SceneError(
-                f"weights = {truncated(self.weights)}: expected one per node, {len(self.nodes)}, and at least one",
-                id="rule-weights",
+            raise self._refused(
+                "weights", f"expected one per node, {len(self.nodes)}, and at least one", "rule-weights"
             )
         if self.nodes[-1] > 1 or np.any(np.diff(self.nodes) <= 0):
-            raise SceneError(f"nodes = {truncated(self.nodes)}: must increase within [0, 1]", id="rule-nodes")
+            raise self._refused("nodes", "must increase within [0, 1]", "rule-nodes")
         if abs(sum(self.weights) - 1) > 1e-12:  # more than the rounding of weights written with 13 digits
-            raise SceneError(
-                f"weights = {truncated(self.weights)}: must sum to 1",
-                id="rule-weights",
-            )
+            raise self._refused("weights", "must sum to 1", "rule-weights")
 
 
 class Jacobi(Spec, frozen=True):
@@ -85,7 +80,7 @@ class LumpingRule(Spec, frozen=True):
 
     `alternate_axes` reverses the axis order of every second hinge to Z, Y, X. With angles θ = φ + O(φ²) of Rx Ry Rz,
     the springs' energy differs from that of the rotation vector φ by ½ (k_x − k_y + k_z) θ_x θ_y θ_z, which accumulates
-    to a first-order error in bend-bend-twist coupling; with the reversed order the error has the opposite sign. A
+    to a first-order error of twist by bending about two axes; with the reversed order it has the opposite sign. A
     second-order error remains wherever a link bends far out of a plane.
 
     With `springs` = "rotation", the springs of a hinge act on φ itself. The springs of a cell of two hinges act on the
@@ -105,7 +100,7 @@ class LumpingRule(Spec, frozen=True):
     jacobi: Jacobi | None = None
     """Gauss-Jacobi hinges over the complete link."""
     cells: Cells | None = None
-    """Cells of hinges with coupled springs."""
+    """Cells of hinges whose springs act together."""
     matched_twist: bool = False
     """Whether twist hinges get the rotor inertia with which twist converges with order 4."""
     alternate_axes: bool = False
@@ -119,19 +114,11 @@ class LumpingRule(Spec, frozen=True):
         if sum(kind is not None for kind in (self.grid, self.element, self.jacobi, self.cells)) != 1:
             raise SceneError("grid, element, jacobi, cells: a rule has exactly one of the four", id="rule-kind")
         if self.cells is not None and self.matched_twist:
-            raise SceneError(
-                "matched_twist = true: not needed with cells, whose twist has order 4 without it; leave it out",
-                id="rule-kind",
-            )
+            text = "matched_twist = true: not needed with cells, whose twist has order 4 without it; leave it out"
+            raise SceneError(text, id="rule-kind")
 
     def hinges(self, count: int) -> tuple[Array, Array]:
-        """Nodes and weights of `count` hinges on [0, 1].
-
-        Raises
-        ------
-        ArgumentError
-            The rule does not exist for this number of hinges; the message states what it needs.
-        """
+        """Nodes and weights of `count` hinges on [0, 1]."""
         if self.grid is not None:
             return _grid_hinges(self.grid, count)
         if self.jacobi is not None:
@@ -167,14 +154,8 @@ class LumpingRule(Spec, frozen=True):
         In the integral equation λ GJ κ(x) = ∫ P(max(x, y)) κ(y) dy, P(x) = ∫_x^1 p dξ, this subtracts the kink of the
         kernel at y = x, ∫ P κ dy = κ(x) ∫ P dy + ∫ P (κ(y) − κ(x)) dy (Kantorovich & Krylov 1958), which raises
         Nyström's method from order 2, the limit of every rule here, to order 4, with or without taper. The rule must be
-        exact for quadratics, which excludes the midpoint rule.
-
-        Parameters
-        ----------
-        weights
-            Weights of the hinges, shape (N,).
-        inertias, moments
-            ∫ p dξ and ∫ ξ p dξ from each hinge to the next, or from the last to the end [kg m²], shape (N,).
+        exact for quadratics, which excludes the midpoint rule. `inertias` and `moments`, ∫ p dξ and ∫ ξ p dξ, are from
+        each hinge to the next, or from the last to the end [kg m²], shape (N,) as `weights`.
         """
         return matched_inertias(weights, inertias, moments) if self.matched_twist else np.zeros(len(weights))
 
@@ -213,13 +194,5 @@ def _jacobi_hinges(jacobi: Jacobi, count: int) -> tuple[Array, Array]:
 
 
 def lumping_rule(name: str) -> LumpingRule:
-    """Load a built-in rule, or the user's TOML file.
-
-    Raises
-    ------
-    ArgumentError
-        Unknown name.
-    DataFileError
-        The file is not a valid rule.
-    """
+    """Load a built-in rule, or the user's TOML file."""
     return data_files.load("lumping", "lumping", name, LumpingRule)

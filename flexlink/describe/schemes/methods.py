@@ -51,12 +51,6 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
     derivatives f and f₁ at its ends and sums over the stages, the solution is
 
         y + x (Δ + (1 − x) (h f − Δ + x (2 Δ − h f − h f₁ + (1 − x) h (Σ d_1i K_i + x (Σ d_2i K_i + (1 − x) (…))))))
-
-    Raises
-    ------
-    SceneError
-        A coefficient is not a number, the coefficients are inconsistent (shapes, Σ_j a_ij = c_i, Σ b_j = 1,
-        Σ_j e_j = 0, Σ_i d_i = 0), the family has no such method, or A lacks eigenvectors or makes iterations singular.
     """
 
     about: str
@@ -128,10 +122,7 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
     @functools.cached_property
     def error(self) -> Array:
         """Error weights of an explicit method for its stages and for q̈ at the end of the step, shape (rows, s + 1)."""
-        weights = np.zeros((len(self.error_rows), self.stages + 1))
-        for row, given in zip(weights, self.error_rows, strict=True):
-            row[: len(given)] = float64([Fraction(x) for x in given])
-        return weights
+        return _padded(self.error_rows, self.stages + 1)
 
     @property
     def more_stages(self) -> int:
@@ -147,9 +138,7 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
         """
         if not self.dense_rows:
             return None
-        A = np.zeros((self.more_stages, self.stages + 1 + self.more_stages))
-        for row, given in zip(A, self.dense_stages, strict=True):
-            row[: len(given)] = float64([Fraction(x) for x in given])
+        A = _padded(self.dense_stages, self.stages + 1 + self.more_stages)
         c = float64([sum(map(Fraction, row), Fraction(0)) for row in self.dense_stages])
         own, b, _ = self.exact
         rows = [[Fraction(x) for x in row] for row in self.dense_rows]
@@ -158,35 +147,21 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
 
     @functools.cached_property
     def modes(self) -> Modes:
-        """Eigenvalues and eigenvectors of A of an implicit method.
-
-        Raises
-        ------
-        ArgumentError
-            The method is explicit.
-        SceneError
-            A has no basis of eigenvectors, or an eigenvalue that makes M + h λ D + h² λ² K singular at some step.
-        """
+        """Eigenvalues and eigenvectors of A of an implicit method."""
         if self.explicit:
-            raise ArgumentError(
-                f"{self.about}: explicit; only implicit methods use the eigenvectors of A",
-                id="method-not-supported",
-            )
+            text = f"{self.about}: explicit; only implicit methods use the eigenvectors of A"
+            raise ArgumentError(text, id="method-not-supported")
         exact, b, _ = self.exact
         A = float64(exact)
         λ, T = np.linalg.eig(A)
         if not np.linalg.cond(T) < 1e7:  # Newton corrections are multiplied by T, and 9 digits must remain
-            raise SceneError(
-                "A: too few eigenvectors, for example because of repeated diagonal elements; use another method",
-                id="method-coefficients",
-            )
+            text = "A: too few eigenvectors, for example because of repeated diagonal elements; use another method"
+            raise SceneError(text, id="method-coefficients")
         wrong = λ[(λ.real < 0) | ((λ.real == 0) & (λ.imag != 0))]
         if wrong.size:
             first = wrong[0] if wrong[0].imag else wrong[0].real  # NumPy 2.5 returns real values as complex
-            raise SceneError(
-                f"A: eigenvalue {first:.3g}: its real part must be positive, or some steps are singular",
-                id="method-coefficients",
-            )
+            text = f"A: eigenvalue {first:.3g}: its real part must be positive, or some steps are singular"
+            raise SceneError(text, id="method-coefficients")
         Tinv = np.linalg.inv(T)
         real, pair = λ.imag == 0, λ.imag > 0
         columns = list(zip(*exact, strict=True))
@@ -204,17 +179,10 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
         """γ and d, shape (stages,), the weights in the error estimate of an implicit method.
 
         At 0, the polynomial through values f_i at the nodes is Σ_i ℓ_i(0) f_i, hence d_i = −γ ℓ_i(0).
-
-        Raises
-        ------
-        ArgumentError
-            The method is explicit, or has no error estimate.
         """
         if self.explicit or not self.controlled:
-            raise ArgumentError(
-                f"{self.about}: has no implicit error estimate; Radau IIA with 3, 5, … stages has one",
-                id="method-without-error",
-            )
+            text = f"{self.about}: has no implicit error estimate; Radau IIA with 3, 5, … stages has one"
+            raise ArgumentError(text, id="method-without-error")
         γ = float(self.modes.real[0])
         return γ, -γ * float64(coefficients.weights_at(self.exact[2], Fraction(0)))
 
@@ -223,105 +191,81 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
             if getattr(self, name) is not None:
                 raise SceneError(f"family, {name}: both are given; give either family, or A, b and c", id="both-given")
         if not 1 <= self.stages <= MOST_STAGES:
-            raise SceneError(
-                f"stages = {self.stages}: must be 1 … {MOST_STAGES} for family {family!r}", id="method-stages"
-            )
+            raise self._refused("stages", f"must be 1 … {MOST_STAGES} for family {family!r}", "method-stages")
         order = coefficients.ORDER[family](self.stages)
         if self.order != order:
-            raise SceneError(
-                f"order = {self.order}: {family} with {self.stages} stages has order {order}", id="method-order"
-            )
+            raise self._refused("order", f"{family} with {self.stages} stages has order {order}", "method-order")
 
     def _check_tableau(self) -> None:
         if self.A is None or self.b is None or self.c is None:
             raise SceneError("family, A, b, c: give either family, or all of A, b and c", id="both-given")
         stages = len(self.c)
         if self.stages not in {0, stages}:
-            raise SceneError(f"stages = {self.stages}: c has {stages}", id="method-stages")
+            raise self._refused("stages", f"c has {stages}", "method-stages")
         lengths = [len(row) for row in self.A]
         if len(self.b) != stages or lengths not in (list(range(stages)), [stages] * stages):
-            raise SceneError(
-                f"A, b, c: {stages} stages need {stages} numbers in b, and in the rows of A 0, 1, …, {stages - 1} "
-                f"(explicit) or {stages} each (implicit)",
-                id="method-coefficients",
-            )
+            rows = f"0, 1, …, {stages - 1} (explicit) or {stages} each (implicit)"
+            text = f"{stages} stages need {stages} numbers in b, and in the rows of A {rows}"
+            raise SceneError(f"A, b, c: {text}", id="method-coefficients")
         for x in chain(self.b, self.c, *self.A):
             _check_number("A, b, c", x)
         msgspec.structs.force_setattr(self, "stages", stages)
         if stages > MOST_STAGES and not self.explicit:
-            raise SceneError(
-                f"A, b, c: {stages} stages; an implicit method takes at most {MOST_STAGES}", id="method-stages"
-            )
+            why = f"A, b, c: {stages} stages; an implicit method takes at most {MOST_STAGES}"
+            raise SceneError(why, id="method-stages")
         A, b, c = self.exact
         if abs(sum(b, Fraction(0)) - 1) > CLOSE:
-            raise SceneError(f"b = {truncated(self.b)}: must sum to 1", id="method-coefficients")
+            raise self._refused("b", "must sum to 1", "method-coefficients")
         for i, row in enumerate(A):
             if abs(sum(row, Fraction(0)) - c[i]) > CLOSE:
-                raise SceneError(
-                    f"A[{i}] = {truncated(self.A[i])}: must sum to c[{i}] = {truncated(self.c[i])}",
-                    id="method-coefficients",
-                )
+                text = f"A[{i}] = {truncated(self.A[i])}: must sum to c[{i}] = {truncated(self.c[i])}"
+                raise SceneError(text, id="method-coefficients")
         A_, b_, c_ = self.arrays
         chained = np.ones(stages)  # A^(k−1) 1
         for k in range(1, self.order + 1):  # necessary for y' = f(t) and y' = λ y, so that a false order is noticed
             if max(abs(k * b_ @ c_ ** (k - 1) - 1.0), abs(math.factorial(k) * b_ @ chained - 1.0)) > 1e-9:
-                raise SceneError(
-                    f"order = {self.order}: these coefficients have at most order {k - 1}", id="method-order"
-                )
+                raise self._refused("order", f"these coefficients have at most order {k - 1}", "method-order")
             chained = A_ @ chained
 
     def _check_error(self) -> None:
         if self.error_rows and not self.explicit:
-            raise SceneError(
-                "error: only explicit methods take error weights; leave error out", id="method-error-weights"
-            )
+            why = "error: only explicit methods take error weights; leave error out"
+            raise SceneError(why, id="method-error-weights")
         for i, row in enumerate(self.error_rows):
             if len(row) not in {self.stages, self.stages + 1}:
-                raise SceneError(
-                    f"error[{i}] has {len(row)} weights: expected {self.stages}, one per stage, or one more for q̈ at "
-                    "the end of the step",
-                    id="method-error-weights",
-                )
+                text = f"expected {self.stages}, one per stage, or one more for q̈ at the end of the step"
+                raise SceneError(f"error[{i}] has {len(row)} weights: {text}", id="method-error-weights")
             _check_differences(f"error[{i}]", row)
 
     def _check_dense(self) -> None:
         if self.dense_rows and not self.explicit:
-            raise SceneError(
-                "dense: only explicit methods take these weights; leave dense out",
-                id="method-dense-output",
-            )
+            text = "dense: only explicit methods take these weights; leave dense out"
+            raise SceneError(text, id="method-dense-output")
         if self.dense_stages and not self.dense_rows:
             raise SceneError("dense_stages: has no effect without dense; also give dense", id="method-dense-output")
         before = self.stages + 1  # including the derivative at the end of the step
         for i, row in enumerate(self.dense_stages):
             if len(row) != before + i:
-                raise SceneError(
-                    f"dense_stages[{i}] has {len(row)} numbers: expected {before + i}, one per earlier stage",
-                    id="method-dense-output",
-                )
+                text = f"dense_stages[{i}] has {len(row)} numbers: expected {before + i}, one per earlier stage"
+                raise SceneError(text, id="method-dense-output")
             for x in row:
                 _check_number(f"dense_stages[{i}]", x)
         for i, row in enumerate(self.dense_rows):
             if len(row) != before + self.more_stages:
-                raise SceneError(
-                    f"dense[{i}] has {len(row)} weights: expected {before + self.more_stages}, one per stage, one for "
-                    "q̈ at the end of the step, and one per row of dense_stages",
-                    id="method-dense-output",
-                )
+                each = "one per stage, one for q̈ at the end of the step, and one per row of dense_stages"
+                text = f"dense[{i}] has {len(row)} weights: expected {before + self.more_stages}, {each}"
+                raise SceneError(text, id="method-dense-output")
             _check_differences(f"dense[{i}]", row)
 
 
 def method(name: str) -> Method:
-    """Load a built-in method ("RK4", "Radau5", …), or the user's TOML file.
-
-    Raises
-    ------
-    ArgumentError
-        Unknown name.
-    DataFileError
-        The file is not a valid method.
-    """
+    """Load a built-in method ("RK4", "Radau5", …), or the user's TOML file."""
     return data_files.load("methods", "method", name, Method)
+
+
+def _padded(rows: tuple[tuple[str, ...], ...], columns: int) -> Array:
+    """Rows of numbers in a table, with zeros behind them."""
+    return float64([[*map(Fraction, row), *[Fraction(0)] * (columns - len(row))] for row in rows]).reshape(-1, columns)
 
 
 def _check_differences(name: str, row: tuple[str, ...]) -> None:
@@ -335,7 +279,5 @@ def _check_differences(name: str, row: tuple[str, ...]) -> None:
 def _check_number(where: str, x: str) -> None:
     # limit the exponent: a Fraction of "1e999999999" would exhaust the memory
     if not re.fullmatch(r"[+-]?\d+(/0*[1-9]\d*|(\.\d*)?([eE][+-]?\d{1,2})?)", x):
-        raise SceneError(
-            f"{where}: {truncated(x)}: expected a decimal such as '1e-12', or a fraction such as '1/6'",
-            id="method-coefficients",
-        )
+        text = f"{where}: {truncated(x)}: expected a decimal such as '1e-12', or a fraction such as '1/6'"
+        raise SceneError(text, id="method-coefficients")

@@ -21,9 +21,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.common.polynomials import Polynomial, derivative, dot, float64, multiply
+from flexlink.common.polynomials import dot, float64
 from flexlink.common.types import Array, Complex
 from flexlink.describe.schemes.methods import Method
+
+Polynomial = list[Fraction]
 
 GROWTH = Fraction(1, 10**6)
 """Growth g of the amplitude per step that still counts as stable: a factor e in a million steps. With g = 0, RK2 would
@@ -48,7 +50,7 @@ def stability_polynomials(method: Method) -> tuple[Polynomial, Polynomial]:
         series.append(dot(b, power))
         power = [dot(row, power) for row in A]
     Q = [Fraction(1)] if method.explicit else _determinant(A)
-    return multiply(series, Q)[: method.stages + 1], Q
+    return np.convolve(series, Q)[: method.stages + 1].tolist(), Q  # type: ignore[type-var]
 
 
 def stable_reach(method: Method, directions: Complex) -> Array:
@@ -164,13 +166,13 @@ def is_stable_everywhere(method: Method) -> bool:
 
 def _along_i(p: Polynomial) -> Polynomial:
     """|p(iy)|² in powers of y²: the even powers of p(iy) p(−iy); its odd powers vanish."""
-    turned = multiply(p, [(-1) ** k * x for k, x in enumerate(p)])  # p(z) p(−z), even; z² = −y²
+    turned = np.convolve(p, [(-1) ** k * x for k, x in enumerate(p)])  # p(z) p(−z), even; z² = −y²
     return [(-1) ** k * x for k, x in enumerate(turned[::2])]
 
 
 def _positive_zeros(p: Polynomial) -> int:
     """Number of distinct zeros x > 0 of p, by a Sturm sequence; requires p(0) ≠ 0."""
-    sequence = [p, derivative(p)]
+    sequence = [p, [k * x for k, x in enumerate(p)][1:]]
     while len(sequence[-1]) > 0:
         sequence.append([-x for x in _remainder(sequence[-2], sequence[-1])])
     ends = ([q[end] for q in sequence[:-1] if q[end] != 0] for end in (0, -1))  # signs at 0 and at infinity

@@ -12,7 +12,7 @@ from flexlink.chain.shapes import on_shapes
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
-from flexlink.describe.joint_units import IN_METRES, row_in_si
+from flexlink.describe.joint_units import IN_METRES
 from flexlink.describe.scene import Scene
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.inputs.record import Inputs, MotionTable
@@ -80,17 +80,16 @@ def state_under(inputs: Inputs, scene: Scene, chain: Chain) -> tuple[Array, Arra
 
 def stated(scene: Scene, chain: Chain) -> tuple[Array, Array]:
     """q0 and q̇0 (n,) [rad, rad/s, m, m/s] as specified for joints and for a free base, with springs unloaded."""
-    initial, slides = scene.initial, scene.arm.slides
-    q, qd = spread(chain, row_in_si(slides, initial.own("joint", slides))), np.zeros(chain.n)
+    initial, base = scene.initial, scene.initial.base
+    q, qd = spread(chain, scene.joint_positions), np.zeros(chain.n)
     if initial.rate_deg or initial.rate_m:
-        qd = spread(chain, row_in_si(slides, initial.own("rate", slides)))
-    base = initial.base
+        qd = spread(chain, scene.joint_rates)
     if chain.has_free_base:
         q[:3], qd[:3], qd[3:6] = base.xyz, base.velocity, base.rates
     return q, qd
 
 
-def spread(chain: Chain, per_link: Sequence[float]) -> Array:
+def spread(chain: Chain, per_link: Sequence[float] | Array) -> Array:
     """Put one number per link on that link's active joint, 0 on passive hinges; shape (n,)."""
     out = np.zeros(chain.n)
     for k in chain.active.tolist():

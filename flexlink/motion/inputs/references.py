@@ -52,7 +52,7 @@ def check_start(scene: Scene, chain: Chain) -> None:
             OF_JOINT[slides].unit,
         )
         missing, default = f"from_{unit}", f"joint_{unit}"
-        if reference.starts_at_initial(slides=slides) and abs(starts - stated) > close:
+        if reference.starts_at_initial(unit) and abs(starts - stated) > close:
             raise SceneError(
                 f"drive.reference.{missing}: missing; the joint of {chain.link_names[link]!r} starts at "
                 f"{starts:.9g} {unit} by initial.q, but at {stated:.9g} by initial.{default}",
