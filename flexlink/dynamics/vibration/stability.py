@@ -8,7 +8,6 @@ friction enters with its largest derivative, c/w at rest, since sooner or later 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -27,12 +26,11 @@ from flexlink.dynamics.forces import Gains, about, damping_along, damping_matrix
 from flexlink.dynamics.free_motion import DENSE, restricted
 from flexlink.dynamics.rounding import EPS, scales
 from flexlink.dynamics.singularity import regular_mass
-from flexlink.dynamics.tangent import LoadedState, gyroscopic_matrix, load_matrices, load_torque, stiffness_matrix
+from flexlink.dynamics.tangent import LoadedState, load_matrices, load_torque
 from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.dynamics.vibration.eigenproblem import first_order_matrix
 from flexlink.dynamics.vibration.extremes import inertia_alone
 from flexlink.dynamics.vibration.stability_function import stable_half_disc, stable_reach
-from flexlink.kernels.bodies.mass import mass_upper
 from flexlink.kernels.tools.finite import is_finite
 
 NUDGE = 1e-4
@@ -77,7 +75,7 @@ def eigenvalues(
     SingularMassError
         A coordinate has no inertia attached in this configuration.
     """
-    return _all_eigenvalues(chain, *_about(chain, q, qd, tip_wrench, frame, gains))
+    return _all_eigenvalues(chain, _about(chain, q, qd, tip_wrench, frame), gains)
 
 
 def fastest_eigenvalues(
@@ -94,10 +92,10 @@ def fastest_eigenvalues(
     The Lanczos method finds the largest ω² of K φ = ω² M φ and the largest δ of D φ = δ M φ; inverse and forward
     dynamics multiply by M and M⁻¹. `bounding_eigenvalues` combines ω and δ. Arguments and errors as in `eigenvalues`.
     """
-    state, gains = _about(chain, q, qd, tip_wrench, frame, gains)
+    state = _about(chain, q, qd, tip_wrench, frame)
     if chain.n <= DENSE or chain.shapes is not None:
         return _all_eigenvalues(chain, state, gains)
-    kp, kd = gains
+    kp, kd = Gains(*np.zeros((2, chain.n))) if gains is None else gains
     square = max(0.0, _largest_ratio(chain, state, lambda φ: _stiffness_along(chain, state, kp, φ)))
     δ = _largest_ratio(chain, state, lambda φ: damping_along(chain, φ) + _along(kd, φ))
     return bounding_eigenvalues(np.sqrt(square), δ)
@@ -117,21 +115,10 @@ def eigenvalue_bounds(abouts: Sequence[tuple[Chain, Array, Array]], acting: Sequ
     n, count = abouts[0][0].n if abouts else 0, len(abouts)
     if n > DENSE or not n or any(chain.shapes is not None for chain, _, _ in abouts):
         return [np.inf] * count
-    C, K, M = np.zeros((3, count, n, n))
-    held, each = np.zeros((count, n), dtype=bool), np.arange(n)
+    K, C, M = np.zeros((3, count, n, n))
+    held, each = np.array([chain.held for chain, _, _ in abouts]), np.arange(n)
     for k, ((chain, q, qd), acts) in enumerate(zip(abouts, acting, strict=True)):
-        K[k], C[k] = about(chain, q).matrix("stiffness"), damping_matrix(chain)
-        by_angle, by_rate, _ = load_matrices(chain, q, qd, acts["tip_wrench"], turns_with_tip(acts["frame"]))
-        K[k] += by_angle
-        mass_upper(chain.arrays, q, M[k])
-        gains: Gains = acts["gains"]
-        if qd.any() or gains.kp.any() or gains.kd.any():
-            kp, kd = gains.matrices()
-            K[k], C[k] = K[k] + kp, C[k] + by_rate + kd
-        if chain.forces:
-            of_angle, of_rate = force_slopes(chain, q, qd)
-            K[k], C[k] = K[k] + of_angle, C[k] + of_rate
-        held[k] = chain.held
+        K[k], C[k], M[k] = _matrices(chain, _about(chain, q, qd, acts["tip_wrench"], acts["frame"]), acts["gains"])
     if held.any():
         for A in (C, K, M):
             A[held] = A.swapaxes(1, 2)[held] = 0.0
@@ -139,7 +126,7 @@ def eigenvalue_bounds(abouts: Sequence[tuple[Chain, Array, Array]], acting: Sequ
     try:
         with np.errstate(all="ignore"):  # overflow means that there is no bound
             L = np.linalg.cholesky(M)
-            pivots, least = L[:, each, each], np.sqrt(n * np.finfo(float).eps * M[:, each, each])
+            pivots, least = L[:, each, each], np.sqrt(n * EPS * M[:, each, each])
             W = np.linalg.inv(L)
             c, k = (np.linalg.norm(W @ A @ W.swapaxes(1, 2), axis=(1, 2)) for A in (C, K))
             bounds = (c + np.sqrt(c**2 + 4 * k)) / 2
@@ -149,50 +136,32 @@ def eigenvalue_bounds(abouts: Sequence[tuple[Chain, Array, Array]], acting: Sequ
     return found
 
 
-def rate_bound(chain: Chain, q: Array, qd: Array, *, tip_wrench: Array, frame: Frame, gains: Gains) -> float:
-    """Return an upper bound on |λ| [1/s] of all eigenvalues; the arguments are as in `eigenvalues`.
+def _about(
+    chain: Chain, q: ArrayLike, qd: ArrayLike | None, tip_wrench: ArrayLike | None, frame: Frame
+) -> LoadedState:
+    n = require_type("chain", chain, Chain).n
+    rates = np.zeros(n) if qd is None else vector("qd", qd, n)
+    return LoadedState(vector("q", q, n), rates, wrench_vector(tip_wrench), turns_with_tip(frame), chain.free)
 
-        λ² φ + λ M⁻¹C φ + M⁻¹K φ = 0,    so    |λ|² ≤ c |λ| + k        c = ‖M⁻¹C‖, k = ‖M⁻¹K‖
 
-    in any matrix norm that is consistent with a vector norm; the Frobenius norm is used here. If the bound is small,
-    the eigenvalues need not be computed. It is inf if it is unknown: with more than 100 joints, shapes, prescribed
-    joints, or a mass matrix that may be singular.
-    """
-    n = chain.n
-    if n > DENSE or chain.shapes is not None or chain.held.any():
-        return np.inf
-    K, C, M = load_matrices(chain, q, qd, tip_wrench, turns_with_tip(frame))
-    L, stopped = scipy.linalg.lapack.dpotrf(M, lower=1)
-    if stopped or not (L.diagonal() ** 2 > n * EPS * M.diagonal()).all():
-        return np.inf
-    kp, kd = gains.matrices()
-    K, C = K + about(chain, q).matrix("stiffness") + kp, C + damping_matrix(chain) + kd
+def _matrices(chain: Chain, state: LoadedState, gains: Gains | None) -> tuple[Array, Array, Array]:
+    """K, D + G and M of all joints, including drive gains."""
+    q, qd, wrench, follower, _ = state
+    K, C, M = load_matrices(chain, q, qd, wrench, follower)
+    K += about(chain, q).matrix("stiffness")
     if chain.forces:
         of_angle, of_rate = force_slopes(chain, q, qd)
         K, C = K + of_angle, C + of_rate
-    c, k = (math.sqrt(np.square(scipy.linalg.lapack.dpotrs(L, A, lower=1)[0]).sum()) for A in (C, K))
-    return (c + math.sqrt(c * c + 4 * k)) / 2
+    C += damping_matrix(chain)
+    if gains is not None:
+        kp, kd = gains.matrices()
+        K, C = K + kp, C + kd
+    return K, C, M
 
 
-def _about(
-    chain: Chain,
-    q: ArrayLike,
-    qd: ArrayLike | None,
-    tip_wrench: ArrayLike | None,
-    frame: Frame,
-    gains: Gains | None,
-) -> tuple[LoadedState, Gains]:
-    n = require_type("chain", chain, Chain).n
-    zero = np.zeros(n)
-    rates = zero if qd is None else vector("qd", qd, n)
-    free = chain.free
-    state = LoadedState(vector("q", q, n), rates, wrench_vector(tip_wrench), turns_with_tip(frame), free)
-    return state, Gains(zero, zero) if gains is None else gains
-
-
-def _all_eigenvalues(chain: Chain, state: LoadedState, gains: Gains) -> Complex:
+def _all_eigenvalues(chain: Chain, state: LoadedState, gains: Gains | None) -> Complex:
     M = regular_mass(chain, state.q, state.free)
-    C, K = _damping_and_stiffness(chain, state, gains)
+    K, C = (restricted(A, chain, state.free) for A in _matrices(chain, state, gains)[:2])
     if C.any() or np.abs(K - K.T).max(initial=0.0) > 1e-12 * np.abs(K).max(initial=0.0):  # rounding error of K
         values: Complex = scipy.linalg.eigvals(first_order_matrix(M, C, K))
         return values
@@ -210,16 +179,6 @@ def _squares(K: Array, M: Array) -> Array:
             "stiffness, damping, loads or rates are so large that numbers overflow float64", id="overflow"
         )
     return np.asarray(squares)
-
-
-def _damping_and_stiffness(chain: Chain, state: LoadedState, gains: Gains) -> tuple[Array, Array]:
-    """D + G and K of the joints that are not prescribed, including drive gains."""
-    K = stiffness_matrix(chain, state.q, state.qd, state.wrench, state.follower)
-    C = gyroscopic_matrix(chain, state.q, state.qd) + damping_matrix(chain)
-    if gains.kp.any() or gains.kd.any():
-        kp, kd = gains.matrices()
-        K, C = K + kp, C + kd
-    return restricted(C, chain, state.free), restricted(K, chain, state.free)
 
 
 def _stiffness_along(chain: Chain, state: LoadedState, kp: Array, φ: Array) -> Array:
