@@ -56,16 +56,12 @@ class Springs(NamedTuple):
         axis, e, pair = self.pairs.T
         return own.reshape(*own.shape[:-3], -1)[..., self.places], both[..., axis, e, pair]
 
-    def write(self, arms: Sequence[Arm], hinges: NDArray[np.void], couplings: NDArray[np.void]) -> NDArray[np.bool_]:
-        """Write spring and damping constants of arms that differ in materials into hinges and couplings, (b, …) each.
-
-        Returns a mask, (b,) or (1,), false for arms with a stiffness that underflows to 0, which would free the hinge.
-        """
+    def write(self, arms: Sequence[Arm], hinges: NDArray[np.void], couplings: NDArray[np.void]) -> None:
+        """Write spring and damping constants of arms that differ in materials, (b, …) each."""
         loss = np.array([arm.loss_time(self.link) for arm in arms])[:, None]
         k, coupled = self._of_materials(arms) if self.given is None else self.given
         hinges["stiffness"][:, self.rows], hinges["damping"][:, self.rows] = k, loss * k
         couplings["stiffness"][:, self.coupled], couplings["damping"][:, self.coupled] = coupled, loss * coupled
-        return np.asarray(np.atleast_2d(k).all(axis=1))
 
     def _of_materials(self, arms: Sequence[Arm]) -> tuple[Array, Array]:
         """Constants from GJ, EI_y, EI_z of all arms, (b, hinges) and (b, couplings)."""

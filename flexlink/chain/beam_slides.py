@@ -43,14 +43,13 @@ class Slides(NamedTuple):
     shears: NDArray[np.bool_]  # (N,) whether the slide is for shear
     rows: NDArray[np.intp]  # index of each slide in the chain
 
-    def write(self, arms: Sequence[Arm], hinges: NDArray[np.void], couplings: NDArray[np.void]) -> NDArray[np.bool_]:
+    def write(self, arms: Sequence[Arm], hinges: NDArray[np.void], couplings: NDArray[np.void]) -> None:
         """Write spring and damping constants of arms that differ in materials into hinges, as `Springs.write`."""
         materials = [arm.materials[self.link.material or ""] for arm in arms]
         moduli = np.array([(material.young, material.shear) for material in materials])
         k = self.sections * np.where(self.shears, moduli[:, 1:], moduli[:, :1])
         loss = np.array([arm.loss_time(self.link) for arm in arms])[:, None]
         hinges["stiffness"][:, self.rows], hinges["damping"][:, self.rows] = k, loss * k
-        return np.asarray(k.all(axis=1))
 
 
 class Stations(NamedTuple):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ from flexlink.chain.free_base import reference_rotation
 from flexlink.chain.odd_bodies import require_positive_mass
 from flexlink.chain.rigid import HERE, about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
 from flexlink.chain.shapes import with_shapes
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import FlexlinkError, SceneError
 from flexlink.common.memo import Memo
 from flexlink.common.types import Array
 from flexlink.data.documents import is_user_file
@@ -95,23 +96,82 @@ CHAINS = Memo(64)
 
 def _lumped(scene: Scene) -> Chain:
     """Build the chain. Arms that differ only in payload, springs and gravity share a `Frame`, which is built once."""
-    arm, frame = scene.arm, frame_of(scene)
-    bodies, hinges, couplings = frame.bodies.copy(), frame.hinges.copy(), frame.couplings.copy()
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # `_check_finite` refuses such values by name
+    frame = frame_of(scene)
+    return _finished(frame, scene, *(rows[0] for rows in _numbers(frame, [scene.arm])))
+
+
+Records = NDArray[np.void]
+
+
+def _numbers(frame: Frame, arms: Sequence[Arm]) -> tuple[Records, Records, Records]:
+    """Bodies, hinges and couplings of arms that share a frame, (b, …) each."""
+    bodies, hinges, couplings = (
+        np.repeat(rows[None], len(arms), axis=0) for rows in (frame.bodies, frame.hinges, frame.couplings)
+    )
+    with np.errstate(all="ignore"):  # `_finished` refuses such values by name
         for springs in frame.springs:
-            if not springs.write([arm], hinges[None], couplings[None]).all():
-                raise SceneError(
-                    f"link {springs.link.name!r}: the stiffness of a hinge underflows float64", id="underflow"
-                )
-        record_inertia(bodies[frame.carrier], [frame.builder.carrying(arm.tip)])
+            springs.write(arms, hinges, couplings)
+        for own, arm in zip(bodies, arms, strict=True):
+            record_inertia(own[frame.carrier], [frame.builder.carrying(arm.tip)])
+    return bodies, hinges, couplings
+
+
+def _finished(frame: Frame, scene: Scene, bodies: Records, hinges: Records, couplings: Records) -> Chain:
+    """The chain of a scene with these numbers; errors as in `lump`."""
+    for springs in frame.springs:
+        if not hinges["stiffness"][springs.rows].all():
+            raise SceneError(f"link {springs.link.name!r}: the stiffness of a hinge underflows float64", id="underflow")
     for array in (bodies, hinges, couplings):
         _check_finite(scene.name, array)
     chain = frame.chain = frame.chain.with_numbers(
         name=scene.name, bodies=bodies, hinges=hinges, gravity=np.array(scene.gravity), couplings=couplings
     )
-    require_positive_mass(chain, arm)
+    require_positive_mass(chain, scene.arm)
     chain = with_shapes(with_constant_ratios(chain, scene), scene)
     return with_forces(chain, scene, frame.builder.pieces)
+
+
+def lump_many(scenes: Sequence[Scene]) -> list[Chain | FlexlinkError]:
+    """Chain of every scene, or its error; numbers of scenes that share a frame are computed together."""
+    shared: dict[int, tuple[Frame, list[int]]] = {}
+    frame = None
+    for k, scene in enumerate(scenes):
+        if not k or not _same_frame(scenes[k - 1], scene):
+            frame = _shared_frame(scene)
+        if frame is not None:
+            shared.setdefault(id(frame), (frame, []))[1].append(k)
+    ready: dict[int, Callable[[], Chain]] = {}
+    for one, members in shared.values():
+        if len(members) > 1:
+            rows = zip(*_numbers(one, [scenes[k].arm for k in members]), strict=True)
+            ready |= {k: partial(_finished, one, scenes[k], *own) for k, own in zip(members, rows, strict=True)}
+    chains: list[Chain | FlexlinkError] = []
+    for k, scene in enumerate(scenes):
+        try:
+            chains.append(ready[k]() if k in ready else lump(scene))
+        except FlexlinkError as error:
+            chains.append(error)
+    return chains
+
+
+def _same_frame(before: Scene, scene: Scene) -> bool:
+    """Whether two scenes obviously share a `Frame`, or both have none, without computing one."""
+    a, b = before.arm, scene.arm
+    same = a.links is b.links and a.sections is b.sections and a.rigidities is b.rigidities
+    if not (same and before.motion is scene.motion):
+        return False
+    densities = (a.materials[name].density == b.materials[name].density for name in a.materials if name in b.materials)
+    held = situation(before) == situation(scene)
+    return held and a.materials.keys() == b.materials.keys() and all(densities)
+
+
+def _shared_frame(scene: Scene) -> Frame | None:
+    """The frame of a scene; None if it has an error, or if its chain needs more than the frame and a few numbers."""
+    try:
+        alone = has_user_rules(scene) or posture_of(scene) or any(link.modes for link in scene.arm.links)
+        return None if alone else frame_of(scene)
+    except FlexlinkError:
+        return None
 
 
 def pieces(scene: Scene) -> list[Piece]:
@@ -126,9 +186,9 @@ def pieces(scene: Scene) -> list[Piece]:
 class Frame:
     """Chain data of an arm before its payload and the springs of its beams are added."""
 
-    bodies: NDArray[np.void]
-    hinges: NDArray[np.void]
-    couplings: NDArray[np.void]
+    bodies: Records
+    hinges: Records
+    couplings: Records
     builder: Builder
     springs: tuple[Springs | Slides, ...]
     chain: Chain  # the latest chain built from the frame; its cached layout data are reused
@@ -159,7 +219,7 @@ def _framed(scene: Scene, beams: Sequence[SectionBeam | TableBeam | None]) -> Fr
     springs: list[Springs | Slides] = []
     ends, tips = {}, {}
     placed, ends_of_arm = hinges_of(arm), arm.tips
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # `lump` refuses such values by name
+    with np.errstate(all="ignore"):  # `_finished` refuses such values by name
         _add_base(builder, scene)
         ends[0] = builder.place
         for number, (link, parent) in enumerate(zip(arm.links, arm.parents, strict=True), 1):
@@ -204,7 +264,7 @@ def _beam_of(arm: Arm, link: Link) -> SectionBeam | TableBeam | None:
     return SectionBeam(link.beam.length, arm.materials[link.material].density, root, tip)
 
 
-def _check_finite(name: str, array: NDArray[np.void]) -> None:
+def _check_finite(name: str, array: Records) -> None:
     finite = np.isfinite(array.view(np.float64))  # integers viewed as float64 are finite; only limits may be infinite
     limits = [field for field in array.dtype.names or () if field in {"lower", "upper"}]
     if np.count_nonzero(finite) == finite.size - sum(np.count_nonzero(~np.isfinite(array[name])) for name in limits):

@@ -136,9 +136,7 @@ def eigenvalue_bounds(abouts: Sequence[tuple[Chain, Array, Array]], acting: Sequ
     return found
 
 
-def _about(
-    chain: Chain, q: ArrayLike, qd: ArrayLike | None, tip_wrench: ArrayLike | None, frame: Frame
-) -> LoadedState:
+def _about(chain: Chain, q: ArrayLike, qd: ArrayLike | None, tip_wrench: ArrayLike | None, frame: Frame) -> LoadedState:
     n = require_type("chain", chain, Chain).n
     rates = np.zeros(n) if qd is None else vector("qd", qd, n)
     return LoadedState(vector("q", q, n), rates, wrench_vector(tip_wrench), turns_with_tip(frame), chain.free)
