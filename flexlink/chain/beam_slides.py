@@ -69,13 +69,7 @@ class Stations(NamedTuple):
 def stations_of(
     link: Link, beam: SectionBeam, nodes: Array, weights: Array, segments: Sequence[SpatialInertia | None]
 ) -> Stations:
-    """Slides of a link that shears or stretches.
-
-    Raises
-    ------
-    SceneError
-        The rule has cells, or a section that shears has no known shape.
-    """
+    """Slides of a link that shears or stretches; refuses rules with cells, and shear of a section without a shape."""
     rule, sheared = lumping_rule(link.lumping), [SHEARS[axis] for axis in AXES[link.flex] if axis in SHEARS]
     axes = (*([0] if link.stretch else []), *(sorted(sheared) if link.shear else []))
     if rule.cells is not None:

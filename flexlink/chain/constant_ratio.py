@@ -33,13 +33,7 @@ from flexlink.kernels.layout import COUPLING
 
 
 def with_constant_ratios(chain: Chain, scene: Scene) -> Chain:
-    """Return the chain with the dampers of all links whose damping has `law = "constant"`.
-
-    Raises
-    ------
-    SceneError
-        There are more than `MOST` hinges, a branch begins or a joint slides between them, or a hinge moves no inertia.
-    """
+    """Return the chain with the dampers of all links whose damping has `law = "constant"`; errors as in `lump`."""
     arm = scene.arm
     ratios = {k: link.damping.ratio for k, link in enumerate(arm.links, 1) if link.damping and link.damping.is_constant}
     if not ratios:

@@ -32,13 +32,7 @@ Hinges = NDArray[np.intp]
 
 
 def with_shapes(chain: Chain, scene: Scene) -> Chain:
-    """Return the chain with the shapes of all links with `modes`; the same chain if no link has any.
-
-    Raises
-    ------
-    SceneError
-        A link has fewer hinges in a direction than modes, or a hinge moves no inertia.
-    """
+    """Return the chain with the shapes of all links with `modes`; the same chain if no link has any."""
     shaped = [(k, link, modes) for k, link in enumerate(scene.arm.links, 1) if (modes := link.strain_modes) is not None]
     if not shaped:
         return chain
@@ -142,13 +136,7 @@ def moved_by(chain: Chain, Φ: Array) -> NDArray[np.bool_]:
 
 
 def refuse_shapes(chain: Chain, what: str) -> None:
-    """Refuse a chain with shapes in a function that does not support them; `what` begins the message.
-
-    Raises
-    ------
-    ArgumentError
-        The chain has links with `modes`.
-    """
+    """Refuse a chain with shapes in a function that does not support them; `what` begins the message."""
     if chain.shapes is not None:
         raise ArgumentError(
             f"{chain.name}: {what} does not support links with modes; use the chain of their hinges, "
@@ -158,13 +146,7 @@ def refuse_shapes(chain: Chain, what: str) -> None:
 
 
 def on_shapes(chain: Chain, name: str, change: Array, per: str = "") -> None:
-    """Check that a change of the angles or, with `per` = "/s", rates (n,) is a sum of the chain's shapes.
-
-    Raises
-    ------
-    ArgumentError
-        It is not, up to rounding.
-    """
+    """Refuse a change of angles or, with `per` = "/s", rates (n,) that is no sum of its shapes up to rounding."""
     if chain.shapes is None:
         return
     Φ, size = chain.shapes.matrix, np.abs(change).max(initial=0.0)

@@ -204,13 +204,7 @@ def _stacked(records: Sequence[NDArray[np.void]]) -> NDArray[np.void]:
 
 
 def solver_for(chain: Chain, solver: str) -> solvers.Solver:
-    """Return the compiled solver of this name for this chain.
-
-    Raises
-    ------
-    ArgumentError
-        The solver is unknown.
-    """
+    """Return the compiled solver of this name for this chain, or refuse the name."""
     kernel = require_one_of("solver", solver, SOLVERS)
     if chain.shapes is not None:
         return _shaped_solver(chain)

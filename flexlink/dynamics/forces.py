@@ -121,13 +121,7 @@ def names_of(chain: Chain) -> str:
 
 
 def refuse_forces(what: str, chain: Chain, qd: Array | None = None) -> None:
-    """Refuse a chain with force elements without a potential for a method that ignores them, unless it is at rest.
-
-    Raises
-    ------
-    ArgumentError
-        The chain has such force elements, which may act: it moves, or `qd` is not given.
-    """
+    """Refuse force elements without a potential for a method that ignores them, unless the chain is at rest."""
     others = [name for name in chain.forces if name not in POTENTIALS]
     if others and (qd is None or qd.any()):
         raise ArgumentError(
@@ -258,13 +252,7 @@ class Gains(NamedTuple):
 
 
 def turns_with_tip(frame: Frame) -> bool:
-    """Whether a wrench in axes of `frame` turns with the tip.
-
-    Raises
-    ------
-    ArgumentError
-        `frame` is neither "world" nor "tip".
-    """
+    """Whether a wrench in axes of `frame` turns with the tip; refuses other frames than "world" and "tip"."""
     return require_one_of("frame", frame, {"world": False, "tip": True})
 
 

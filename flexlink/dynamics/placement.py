@@ -168,13 +168,7 @@ def jacobian(
 
 
 def body_number(chain: Chain, body: int, tip: str | int | None) -> int:
-    """Index of a body, given by its number or as the tip frame of a link.
-
-    Raises
-    ------
-    ArgumentError
-        The body does not exist, or the link has child links.
-    """
+    """Index of a body, given by its number or as the tip frame of a link; refuses others."""
     m = len(require_type("chain", chain, Chain).bodies)
     return integer("body", body, -m, m - 1) % m if tip is None else chain.tip_body(tip)
 

@@ -84,25 +84,8 @@ def of_residual(
 ) -> float:
     """Rounding error of each joint's torque M Δq̈ when the equation of motion is solved for q̈ [N m].
 
-    Parameters
-    ----------
-    chain
-        The chain.
-    q, qd, qdd, tau
-        Angles [rad], rates [rad/s], accelerations [rad/s²] and drive torques [N m], shape (n,). To compare two
-        solutions, pass the larger q̈ of the two at every joint.
-    tip_wrench
-        Force and moment on the tip, frame 0, shape (6,) [N, N m].
-
-    Returns
-    -------
-    float
-        ε (M* (Σ_k |q̈_k| + ω²) + T_G* + T_W* + max |T_EX, T_FL, T_FR|), T_FL and T_FR without cancellation.
-
-    Raises
-    ------
-    ArgumentError
-        An argument has the wrong shape, is not real or not finite.
+    It is ε (M* (Σ_k |q̈_k| + ω²) + T_G* + T_W* + max |T_EX, T_FL, T_FR|), T_FL and T_FR without cancellation. To
+    compare two solutions, pass the larger q̈ of the two at every joint.
     """
     own = np.abs([vector("tau", tau, chain.n), _elastic_size(chain, q), _friction_size(chain, qd)]).max()
     return _along(chain) * float(_inertial(chain, q, qd, qdd, tip_wrench) + own)

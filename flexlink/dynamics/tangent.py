@@ -73,13 +73,7 @@ class Stiffness(NamedTuple):
 
 
 def unlocked(chain: Chain, locked: Joints) -> NDArray[np.intp]:
-    """Sequential indices of the free coordinates: those that are not `locked`, prescribed or internal.
-
-    Raises
-    ------
-    ArgumentError
-        `locked` contains something that is not a joint, or leaves no free coordinate.
-    """
+    """Sequential indices of the free coordinates, at least one: those that are not `locked`, held or internal."""
     moves, held = ~chain.held, chain.joint_indices("locked", locked)
     if chain.shapes is not None and len(together := np.intersect1d(held, shaped_hinges(chain))):
         raise ArgumentError(

@@ -97,24 +97,12 @@ def _of_stated_error(run: RunSamples) -> dict[str, Any]:
 
 
 def picture_format(path: Path) -> str:
-    """Format of a picture, from the extension of `path`.
-
-    Raises
-    ------
-    ArgumentError
-        The extension is not .png, .svg or .pdf.
-    """
+    """Format of a picture, .png, .svg or .pdf, from the extension of `path`; refuses others."""
     return ending(path, (".png", ".svg", ".pdf"), "a picture")
 
 
 def output_format(path: Path) -> str:
-    """Format of a trajectory file, ".npz" or ".csv", from the extension of `path`.
-
-    Raises
-    ------
-    ArgumentError
-        The extension is another one.
-    """
+    """Format of a trajectory file, .npz or .csv, from the extension of `path`; refuses others."""
     return ending(path, (".npz", ".csv"), "a trajectory")
 
 
@@ -301,13 +289,7 @@ def _records(rows: NDArray[np.void], dtype: np.dtype[np.void]) -> NDArray[np.voi
 
 
 def check_samples(arrays: Mapping[str, NDArray[Any]], n: int) -> None:
-    """Check the arrays that have one entry per sample; skip those that are missing.
-
-    Raises
-    ------
-    ValueError
-        An array has the wrong type or shape, or is not finite; or times do not increase.
-    """
+    """Refuse arrays with one entry per sample that do not fit, as ValueError; skip those that are missing."""
     shapes: dict[str, tuple[int, ...]] = {  # shape of each array at one sample
         "t": (), "q": (n,), "qd": (n,), "tau": (n,), "tip": (3,), "tip_wrench": (6,), "kinetic": (), "gravity": (),
         "elastic": (), "work": (), "attitude": (4,), "spin": (3,), "momentum_linear": (3,), "momentum_angular": (3,),
@@ -329,13 +311,7 @@ def check_samples(arrays: Mapping[str, NDArray[Any]], n: int) -> None:
 
 
 def check_delayed(delayed: NDArray[Any]) -> None:
-    """Check the torques on their way at the end of a run.
-
-    Raises
-    ------
-    ValueError
-        The array is not a table of finite numbers, or its times do not increase.
-    """
+    """Refuse torques on their way at the end of a run that are no table of finite numbers in order of time."""
     if delayed.dtype != np.float64 or delayed.ndim != 2 or not delayed.shape[1]:
         raise ValueError(f"delayed has shape {delayed.shape} and type {delayed.dtype}; expected a table of float64")
     if not np.isfinite(delayed).all() or (np.diff(delayed[:, 0]) <= 0).any():
@@ -343,13 +319,7 @@ def check_delayed(delayed: NDArray[Any]) -> None:
 
 
 def check_chain(chain: Chain) -> None:
-    """Check that the chain's numbers are finite, and that its bodies, hinges and force elements are consistent.
-
-    Raises
-    ------
-    ValueError
-        The chain is not valid.
-    """
+    """Refuse a chain with numbers that are not finite, or with parts that do not belong together, as ValueError."""
     # fields that may be infinite
     unlimited = {"lower", "upper"}
     forces = {name: chain.force(name) for name in FORCES}

@@ -413,13 +413,7 @@ class Trajectory(RunSamples):
 
 
 def plotting() -> ModuleType:
-    """The plotting module, which needs matplotlib.
-
-    Raises
-    ------
-    MissingDependencyError
-        matplotlib is not installed.
-    """
+    """The plotting module, which needs matplotlib."""
     return drawing_module("results.plotting")
 
 

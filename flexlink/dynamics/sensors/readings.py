@@ -22,13 +22,7 @@ class Readings:
         self._instruments = [Instrument(sensor, scene.run.spacing) for sensor in scene.sensor]
 
     def after(self, seen: Samples) -> dict[str, float]:
-        """Add one sample, return the readings by column name; samples previously added at later times are discarded.
-
-        Raises
-        ------
-        SceneError, SingularMassError
-            As in `signal_of`.
-        """
+        """Add one sample, return readings by column name; samples added before at later times are discarded."""
         shown: list[float] = []
         for instrument in self._instruments:
             instrument.signal.add(seen.t, signal_of(instrument.sensor, self._scene, seen).T)

@@ -61,15 +61,7 @@ class Slopes(NamedTuple):
 
 
 def signal_of(sensor: Sensor, scene: Scene, run: Samples) -> Array:
-    """Ideal signal of a sensor at the samples of a run, in SI units and radians, shape (columns, samples).
-
-    Raises
-    ------
-    SceneError
-        As in `placement_of`.
-    SingularMassError
-        For accelerometers, as in `forward_dynamics`.
-    """
+    """Ideal signal of a sensor at the samples of a run, in SI units and radians, shape (columns, samples)."""
     if sensor.kind == "strain":
         return gauge_strain(sensor, scene, run.q)[None]
     if sensor.kind in OF_THE_DRIVE:
@@ -160,17 +152,12 @@ def gauge_slope(sensor: Sensor, scene: Scene, chain: Chain, q: Array) -> Array:
 
 
 def placement_of(sensor: Sensor, scene: Scene) -> tuple[int, Array, Array]:
-    """Return where a sensor of point motion is placed on the lumped arm, and the directions that it measures.
+    """Where a sensor of point motion is placed on the lumped arm, and the directions that it measures.
 
     The result is the index of a body in `chain.bodies`, the point in its axes [m], (3,), and the measured directions as
-    unit vectors (columns, 3), in axes of the body; for a position sensor, in axes of frame 0.
-
-    On a flexible link the body is the segment at the sensor's position; at a hinge, the outboard segment.
-
-    Raises
-    ------
-    SceneError
-        The sensor is mounted on a part that is fixed in frame 0; or as in `lump`.
+    unit vectors (columns, 3), in axes of the body; for a position sensor, in axes of frame 0. On a flexible link the
+    body is the segment at the sensor's position; at a hinge, the outboard segment. Parts that are fixed in frame 0 are
+    refused.
     """
     chain, arm = lump(scene), scene.arm
     wanted = np.eye(3) if sensor.axis is None else unit("axis", sensor.axis)[None]

@@ -46,19 +46,7 @@ class _Modes(NamedTuple):
 def solve(M: Array, L: Array, C: Array, stiffness: Stiffness) -> Solution:
     """Return one λ of each conjugate pair, and each real λ; of real pairs ±λ in an undamped system, only λ > 0.
 
-    Parameters
-    ----------
-    M, L
-        Mass matrix and its Cholesky factor, M = L Lᵀ, shape (n, n).
-    C
-        Damping and gyroscopic matrix, shape (n, n).
-    stiffness
-        K, and the magnitude of its terms.
-
-    Raises
-    ------
-    ArgumentError
-        A number is beyond float64.
+    M = L Lᵀ is the mass matrix, C the damping and gyroscopic matrix, (n, n).
     """
     if not all(np.isfinite(part).all() for part in (stiffness.K, stiffness.S, C)):
         raise ArgumentError(
@@ -322,16 +310,7 @@ class Subspace:
 def lowest(chain: Chain, motion: SmallMotion, loads: Array, count: int, damped: bool) -> Solution | None:
     """Return the slowest modes, with mode shapes in columns (n, count); None if the iteration does not converge.
 
-    Parameters
-    ----------
-    chain, motion
-        The chain, and its small motion.
-    loads
-        `rounding.largest_load_stiffness`, shape (n,).
-    count
-        Number of modes, less than a third of the free coordinates.
-    damped
-        Whether C is nonzero.
+    `loads` is `rounding.largest_load_stiffness`; `count` is less than a third of the free coordinates; `damped`: C ≠ 0.
     """
     square, dice = chain.stiffness + loads, np.random.default_rng(0)
     space = Subspace(motion, loads, np.where(square > 0, square, 1.0), damped)

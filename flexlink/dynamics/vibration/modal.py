@@ -61,18 +61,9 @@ def mode_kinds(
 ) -> tuple[tuple[str, ...], Array]:
     """Return the kind of every mode, and the elastic share of its energy, E / (E + P + F), shape (modes,).
 
-    Parameters
-    ----------
-    λ, shapes
-        Eigenvalues [1/s], shape (modes,), and mode shapes of the free coordinates, shape (modes, n).
-    loads
-        Products of the load stiffness with the mode shapes.
-    stiffness, damping
-        Springs [N m/rad] and derivatives of friction at rest [N m s/rad] of the free coordinates, shape (n,).
-    coupled
-        Contribution of springs and dampers between two coordinates to E, shape (modes,).
-    lent
-        J of the free coordinates [kg m²], shape (n,).
+    Mode shapes (modes, n), springs [N m/rad], derivatives of friction at rest [N m s/rad] and J of `lent` [kg m²],
+    (n,), are those of the free coordinates; `coupled` (modes,) is what springs and dampers between two coordinates add
+    to E.
     """
     square, spring = np.abs(shapes) ** 2, stiffness > 0
     losses = np.abs(λ)[:, None] * damping * square

@@ -54,26 +54,8 @@ def eigenvalues(
 ) -> Complex:
     """Eigenvalues λ [1/s] of small motion about a state, two per free joint; prescribed joints are excluded.
 
-    λ² M + λ (D + G) + K = 0 with K = ∂(T_GC + T_FL)/∂q + k_p and D = ∂T_FR/∂q̇ at rest + k_d.
-
-    Parameters
-    ----------
-    chain
-        The chain. Its gravity is included: it stiffens a hanging arm and softens an upright one.
-    q, qd
-        Configuration [rad] and rates [rad/s], shape (n,); default: at rest.
-    tip_wrench, frame
-        Constant force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame;
-        in the latter they turn with the tip.
-    gains
-        Gains of a drive, k_p [N m/rad] and k_d [N m s/rad], shape (n,) or (n, n) each.
-
-    Raises
-    ------
-    ArgumentError
-        An argument has the wrong shape, is not real or not finite, or leads to numbers beyond float64.
-    SingularMassError
-        A coordinate has no inertia attached in this configuration.
+    λ² M + λ (D + G) + K = 0 with K = ∂(T_GC + T_FL)/∂q + k_p and D = ∂T_FR/∂q̇ at rest + k_d, the gains of a drive.
+    Arguments and errors as in `stable_step`.
     """
     return _all_eigenvalues(chain, _about(chain, q, qd, tip_wrench, frame), gains)
 
@@ -240,8 +222,11 @@ def stable_step(
     q, qd
         Configuration [rad] and rates [rad/s], shape (n,); default: springs slack, joints at zero, as in `modes`, at
         rest.
-    tip_wrench, frame, gains
-        As in `eigenvalues`.
+    tip_wrench, frame
+        Constant force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame;
+        in the latter they turn with the tip.
+    gains
+        Gains of a drive, k_p [N m/rad] and k_d [N m s/rad], shape (n,) or (n, n) each.
     method
         Name or file of a Runge-Kutta method.
 

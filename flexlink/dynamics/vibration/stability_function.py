@@ -52,19 +52,9 @@ def stability_polynomials(method: Method) -> tuple[Polynomial, Polynomial]:
 
 
 def stable_reach(method: Method, directions: Complex) -> Array:
-    """Largest r such that |R(xd)| ≤ 1 + g for all 0 ≤ x ≤ r; inf if this is true for all x ≥ 0.
+    """Largest r such that |R(xd)| ≤ 1 + g for all 0 ≤ x ≤ r, shape (m,); inf if this is true for all x ≥ 0.
 
-    Parameters
-    ----------
-    method
-        The method.
-    directions
-        d, unit complex numbers in the left half-plane, shape (m,).
-
-    Returns
-    -------
-    array
-        r, shape (m,).
+    `directions` d (m,) are unit complex numbers in the left half-plane.
     """
     if is_stable_everywhere(method):
         return np.full(directions.shape, np.inf)

@@ -180,13 +180,7 @@ def _held(chain: Chain, turning: Array, rates: Mapping[str, float], locked: Join
 
 
 def steady_joint(chain: Chain, name: str) -> int:
-    """Index of the joint called `name`.
-
-    Raises
-    ------
-    ArgumentError
-        There is no such joint, it is locked in the scene, or it is a hinge with a spring.
-    """
+    """Index of the joint called `name`; refuses locked joints and hinges with springs."""
     k = chain.joint_index("rates", name, perhaps_locked=True)
     if k < 0:
         raise ArgumentError(

@@ -111,15 +111,7 @@ def animate(run: RunSamples, wanted: Shot, progress: Progress | None = None) -> 
 
 
 def require_film(path: Path) -> None:
-    """Check that a film with this file name can be made, before any frame is drawn.
-
-    Raises
-    ------
-    ArgumentError
-        The extension is not .gif, .mp4 or .html.
-    MissingDependencyError
-        matplotlib is not installed, or, for .mp4, ffmpeg.
-    """
+    """Refuse the name of a film that cannot be made here, before any frame is drawn."""
     ending(path, tuple(FORMATS), "a film")
     if path.suffix != ".html":
         _drawing()
@@ -180,13 +172,7 @@ def write_gif(place: Path, images: Iterable[Image], like: Iterable[Image], milli
 
 
 def require_ffmpeg() -> str:
-    """Path of the program ffmpeg.
-
-    Raises
-    ------
-    MissingDependencyError
-        ffmpeg is not installed.
-    """
+    """Path of the program ffmpeg, which must be installed."""
     found = shutil.which("ffmpeg")
     if found is None:
         raise MissingDependencyError(
@@ -198,15 +184,7 @@ def require_ffmpeg() -> str:
 
 
 def write_mp4(place: Path, images: Iterable[Image], size: tuple[int, int], fps: float) -> None:
-    """Write frames of shape (height, width, 3), height and width even, as H.264, which every browser plays.
-
-    Raises
-    ------
-    MissingDependencyError
-        ffmpeg is not installed.
-    EngineError
-        ffmpeg failed.
-    """
+    """Write frames of shape (height, width, 3), height and width even, as H.264, which every browser plays."""
     width, height = size
     command = [
         require_ffmpeg(), "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}",

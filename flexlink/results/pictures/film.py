@@ -87,13 +87,7 @@ class Film:
 
 
 def film_of(run: RunSamples, *, magnify: float, colour: Colour, fps: float, speed: float) -> Film:
-    """Film of a run with a frame every `speed`/`fps` seconds of the run; each frame shows the nearest sample.
-
-    Raises
-    ------
-    ArgumentError
-        The run has no samples or no scene, or needs too many frames.
-    """
+    """Film of a run with a frame every `speed`/`fps` seconds of the run; each frame shows the nearest sample."""
     if run.scene is None or not len(run.t):
         what = "scene = None: a film needs the scene of" if len(run.t) else "samples = 0: a film needs samples of"
         raise ArgumentError(f"{what} {run.chain.name!r}; expected a run of `simulate`", id="wrong-type")
@@ -127,13 +121,7 @@ def film_of(run: RunSamples, *, magnify: float, colour: Colour, fps: float, spee
 
 
 def frame_count(lasts: float, fps: float, speed: float) -> int:
-    """Number of frames in the film of a run that lasts `lasts` [s].
-
-    Raises
-    ------
-    ArgumentError
-        There would be more than `MOST_FRAMES`.
-    """
+    """Number of frames in the film of a run that lasts `lasts` [s], at most `MOST_FRAMES`."""
     count = 1 + int(lasts * fps / speed + 1e-6)
     if count > MOST_FRAMES:
         raise ArgumentError(
