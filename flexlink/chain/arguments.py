@@ -18,6 +18,19 @@ from flexlink.kernels.tools.finite import is_finite
 
 FLOAT64 = np.dtype(np.float64)
 NO_WRENCH = np.zeros(6)
+CONVERSIONS = {
+    ("Scene", "Chain"): "fl.lump(scene)",
+    ("Trajectory", "Chain"): "run.chain",
+    ("ndarray", "Chain"): "the chain as first argument",
+    ("Arm", "Scene"): "fl.Scene(arm=arm, …)",
+    ("Chain", "Scene"): "the scene of the chain",
+    ("str", "Scene"): "fl.load_scene(path)",
+    ("PosixPath", "Scene"): "fl.load_scene(path)",
+    ("str", "FitProblem"): "fl.fits.FitProblem.load(path)",
+    ("PosixPath", "FitProblem"): "fl.fits.FitProblem.load(path)",
+    ("Scene", "FitProblem"): "fl.fits.FitProblem(scene=scene, …)",
+}
+"""Advice on converting a value of one type to another, for messages."""
 
 
 def vector(
@@ -65,29 +78,12 @@ def require_type(name: str, value: object, kind: type[T]) -> T:
     """Return `value` if it is a `kind`, or refuse it; its message shows how to convert it, if known."""
     if not isinstance(value, kind):
         given = type(value).__name__
-        remedy = _conversion(given, kind.__name__)
+        remedy = CONVERSIONS.get((given, kind.__name__), "")
         raise ArgumentError(
             f"{name} = {truncated(value)}: expected a {kind.__name__}, got {given}{'; use ' if remedy else ''}{remedy}",
             id="wrong-type",
         )
     return value
-
-
-def _conversion(given: str, wanted: str) -> str:
-    """Advice on converting a value of one type to another, for a message; empty if no conversion is known."""
-    conversions = {
-        ("Scene", "Chain"): "fl.lump(scene)",
-        ("Trajectory", "Chain"): "run.chain",
-        ("ndarray", "Chain"): "the chain as first argument",
-        ("Arm", "Scene"): "fl.Scene(arm=arm, …)",
-        ("Chain", "Scene"): "the scene of the chain",
-        ("str", "Scene"): "fl.load_scene(path)",
-        ("PosixPath", "Scene"): "fl.load_scene(path)",
-        ("str", "FitProblem"): "fl.fits.FitProblem.load(path)",
-        ("PosixPath", "FitProblem"): "fl.fits.FitProblem.load(path)",
-        ("Scene", "FitProblem"): "fl.fits.FitProblem(scene=scene, …)",
-    }
-    return conversions.get((given, wanted), "")
 
 
 def refuse_unknown(function: Callable[..., object], unknown: Mapping[str, object]) -> None:

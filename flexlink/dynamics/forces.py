@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import beyond_float64, require_one_of, require_type, vector, wrench_vector
-from flexlink.chain.chain import Chain
+from flexlink.chain.chain import Chain, merged
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
@@ -79,11 +79,6 @@ def all_torques(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:
 def force_slopes(chain: Chain, q: Array, qd: Array) -> tuple[Array, Array]:
     """∂T/∂q [N m/rad] and ∂T/∂q̇ [N m s/rad] of `force_torque` at one state, (n, n) each, exact up to rounding."""
     return _slopes(_with(chain, chain.forces.keys() - POTENTIALS), q, qd)
-
-
-def potential_slopes(chain: Chain, q: Array) -> Array:
-    """∂T/∂q [N m/rad] of the force elements with a potential, shape (n, n)."""
-    return _slopes(with_potential(chain), q, np.zeros(chain.n))[0]
 
 
 def _slopes(chain: Chain, q: Array, qd: Array) -> tuple[Array, Array]:
@@ -169,11 +164,12 @@ def linearised(chain: Chain, q: Array) -> Chain:
     if not has_potential(chain):
         return chain
     joined = np.eye(chain.n, dtype=bool)
-    for elements in with_potential(chain).forces.values():
+    elastic = with_potential(chain)
+    for elements in elastic.forces.values():
         if "outer" in (elements.dtype.names or ()):
             joined[elements["inner"], elements["outer"]] = True
     i, j = np.nonzero(joined)
-    return _stiffened(chain, i, j, potential_slopes(chain, q)[i, j])
+    return _stiffened(chain, i, j, _slopes(elastic, q, np.zeros(chain.n))[0][i, j])
 
 
 def _stiffened(chain: Chain, i: NDArray[np.intp], j: NDArray[np.intp], values: Array) -> Chain:
@@ -183,18 +179,8 @@ def _stiffened(chain: Chain, i: NDArray[np.intp], j: NDArray[np.intp], values: A
     hinges["stiffness"][i[i == j]] += values[i == j]
     couplings = np.zeros(int((i < j).sum()), COUPLING)
     couplings["inner"], couplings["outer"], couplings["stiffness"] = i[i < j], j[i < j], values[i < j]
-    joined = _joined(np.concatenate([chain.couplings, couplings]))
+    joined = merged(np.concatenate([chain.couplings, couplings]))
     return Chain(chain.name, bodies, hinges, chain.gravity, chain.coordinates, chain.link_names, joined)
-
-
-def _joined(couplings: NDArray[np.void]) -> NDArray[np.void]:
-    """Merge couplings, so that each pair of hinges occurs once."""
-    pairs, pair_index = np.unique(couplings[["inner", "outer"]], return_inverse=True)
-    joined = np.zeros(len(pairs), COUPLING)
-    joined["inner"], joined["outer"] = pairs["inner"], pairs["outer"]
-    for field in ("stiffness", "damping"):
-        np.add.at(joined[field], pair_index, couplings[field])
-    return joined
 
 
 def damping_slope(chain: Chain) -> Array:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -48,31 +48,29 @@ from flexlink.dynamics.vibration.eigenproblem import lowest
 # is elastic, however fast it decays.
 
 
-class Loads(NamedTuple):
-    """Load stiffness times mode shapes, (K − k) φ, shape (modes, n), with data to detect rounding errors."""
-
-    products: NDArray[np.inexact]
-    square: Array  # S² of `Stiffness`, shape (n,)
-    rounding: float
-
-
 def mode_kinds(
-    λ: Complex, shapes: NDArray[np.inexact], loads: Loads, stiffness: Array, damping: Array, coupled: Array, lent: Array
+    λ: Complex,
+    φ: NDArray[np.inexact],
+    P: Array,
+    noise: Array,
+    springs: Array,
+    damping: Array,
+    coupled: Array,
+    lent: Array,
 ) -> tuple[tuple[str, ...], Array]:
     """Return the kind of every mode, and the elastic share of its energy, E / (E + P + F), shape (modes,).
 
-    Mode shapes (modes, n), springs [N m/rad], derivatives of friction at rest [N m s/rad] and J of `lent` [kg m²],
-    (n,), are those of the free coordinates; `coupled` (modes,) is what springs and dampers between two coordinates add
-    to E.
+    Mode shapes φ (modes, n), springs [N m/rad], derivatives of friction at rest [N m s/rad] and J of `lent` [kg m²],
+    (n,), are those of the free coordinates; `noise` is the rounding error of P, and `coupled` what springs and dampers
+    between two coordinates add to E, (modes,).
     """
-    square, spring = np.abs(shapes) ** 2, stiffness > 0
+    square, sprung = np.abs(φ) ** 2, springs > 0
     losses = np.abs(λ)[:, None] * damping * square
-    E = square @ stiffness + losses @ spring + coupled
-    F = losses @ ~spring
-    P = np.abs(np.einsum("mi,mi->m", shapes.conj(), loads.products))
+    E = square @ springs + losses @ sprung + coupled
+    F = losses @ ~sprung
     moving, total = λ != 0, E + P + F  # if nothing moves, E is a rounding error
     share = np.where(moving, E / np.where(total > 0, total, 1.0), 0.0)
-    loaded = moving & (P > F) & (loads.rounding * (square @ loads.square) < P)
+    loaded = moving & (P > F) & (noise < P)
     names = np.where(share > 0.5, "elastic", np.where(loaded, "pendulum", "rigid"))
     names = np.where(np.abs(λ) ** 2 * (square @ lent) > 0.5 * total, "artificial", names)
     return tuple(names.tolist()), share
@@ -230,14 +228,16 @@ def modes(
     found = None
     if few is not None and len(free) > DENSE and 3 * few < len(free) and chain.shapes is None:
         found = _lowest(chain, state, few)
-    (λ, vectors, rounding), loads = _all(chain, state) if found is None else found
+    (λ, vectors, rounding), load, entry = _all(chain, state) if found is None else found
     λ, vectors, rounding = λ[:few], vectors[:, :few], rounding[:few]
     shapes = scaled(expanded(vectors, chain, free).T).T
     points = frames(chain, q).points
-    friction = damping_slope(chain)[free]
-    springs = linearised(chain, q)
+    springs, φ = linearised(chain, q), shapes[:, free]
     coupled, held = _coupled_energy(springs, λ, shapes), springs.stiffness[free]
-    kinds, shares = mode_kinds(λ, shapes[:, free], loads(shapes), held, friction, coupled, lent[free])
+    square = np.abs(held) + largest_load_stiffness(chain, rates, wrench)[free]
+    noise = entry * (np.abs(φ) ** 2 @ np.where(square > 0, square, 1.0))
+    P = np.abs(np.einsum("mi,mi->m", φ.conj(), load(shapes)))
+    kinds, shares = mode_kinds(λ, φ, P, noise, held, damping_slope(chain)[free], coupled, lent[free])
     return Modes(λ, shapes, displacements(chain, q, shapes), points, rounding, kinds, shares)
 
 
@@ -248,8 +248,8 @@ def scaled(vectors: NDArray[np.inexact]) -> NDArray[np.inexact]:
     return np.asarray(vectors / vectors[first, np.arange(vectors.shape[1])])
 
 
-Found = tuple[eigenproblem.Solution, Callable[[NDArray[np.inexact]], Loads]]
-"""Modes of the free coordinates, and a function that returns the load terms of mode shapes (modes, n)."""
+Found = tuple[eigenproblem.Solution, Callable[[NDArray[np.inexact]], NDArray[np.inexact]], float]
+"""Modes of the free coordinates, (K − k) φ as a function of mode shapes φ (modes, n), and the `rounding` of K."""
 
 
 def _all(chain: Chain, state: LoadedState) -> Found:
@@ -258,13 +258,11 @@ def _all(chain: Chain, state: LoadedState) -> Found:
     M, L = factored_mass(chain, q, free)
     K = tangent(chain, q, qd, wrench, free, follower)
 
-    def loads(shapes: NDArray[np.inexact]) -> Loads:
+    def load(shapes: NDArray[np.inexact]) -> NDArray[np.inexact]:
         springs = about(chain, q).matrix("stiffness")
-        load = (stiffness_matrix(chain, q, qd, wrench, follower) - springs)[np.ix_(free, free)]
-        square = np.abs(linearised(chain, q).stiffness[free]) + largest_load_stiffness(chain, qd, wrench)[free]
-        return Loads(shapes[:, free] @ load.T, np.where(square > 0, square, 1.0), K.rounding)
+        return shapes[:, free] @ (stiffness_matrix(chain, q, qd, wrench, follower) - springs)[np.ix_(free, free)].T
 
-    return eigenproblem.solve(M, L, C, K), loads
+    return eigenproblem.solve(M, L, C, K), load, K.rounding
 
 
 def _lowest(chain: Chain, state: LoadedState, count: int) -> Found | None:
@@ -282,13 +280,12 @@ def _lowest(chain: Chain, state: LoadedState, count: int) -> Found | None:
         return None
     sprung = about(chain, q)
 
-    def loads(shapes: NDArray[np.inexact]) -> Loads:
+    def load(shapes: NDArray[np.inexact]) -> NDArray[np.inexact]:
         parts = np.vstack([shapes.real, shapes.imag])
         real, imaginary = np.split((motion.times(K_ALONE, parts) - sprung.times("stiffness", parts))[:, free], 2)
-        square = np.abs(linearised(chain, q).stiffness[free]) + sizes[free]
-        return Loads(real + 1j * imaginary, np.where(square > 0, square, 1.0), motion.rounding)
+        return np.asarray(real + 1j * imaginary)
 
-    return found._replace(shapes=found.shapes[free]), loads
+    return found._replace(shapes=found.shapes[free]), load, motion.rounding
 
 
 def _coupled_energy(chain: Chain, λ: Complex, shapes: NDArray[np.inexact]) -> Array:
