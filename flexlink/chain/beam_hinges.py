@@ -119,7 +119,8 @@ def _add_hinges(
         at = Kind.HINGE.at(number, segment, axis - 1)
         builder.add_hinge(at, axis - 1, 0.0, 0.0, *friction, armature=rotors[axis - 1])
     if rule.springs == "rotation" and AXES[link.flex] == AXES["xyz"]:
-        builder.body.springs = _springs_of(rule, segment - 1)
+        leads = rule.cells is not None and rule.cells.hinges == PAIR and segment % PAIR == 1
+        builder.body.springs = int(SPRINGS.cell if leads else SPRINGS.rotation)
     return places
 
 
@@ -156,12 +157,6 @@ def _springs(
     sections = beam.sections(rule.cells.gauss_points(len(nodes)))
     lengths = beam.length / count / np.tile(cell.weights, count)
     return Springs(link, sections, lengths, rows, among, rule.cells, coupled, pairs)
-
-
-def _springs_of(rule: LumpingRule, hinge: int) -> int:
-    """Kind of springs at a three-axis hinge; `hinge` is its number along the beam, from 0."""
-    leads = rule.cells is not None and rule.cells.hinges == PAIR and hinge % PAIR == 0
-    return int(SPRINGS.cell if leads else SPRINGS.rotation)
 
 
 def _couple(builder: Builder, cells: Cells, places: dict[tuple[int, int], int]) -> tuple[slice, NDArray[np.intp]]:

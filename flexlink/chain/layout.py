@@ -306,23 +306,20 @@ class Layout:
             return wanted
         if isinstance(wanted, str) and wanted in names:
             return names.index(wanted)
-        if isinstance(wanted, str) and (link := self._link_of(wanted)):
-            if (joint := Kind.JOINT.at(link)) in self.coordinates:
+        links = [*self.joints_of_links, *self.link_names]
+        if isinstance(wanted, str) and wanted in links:  # a joint's own name goes before the name of a link
+            joint = Kind.JOINT.at(links.index(wanted) % len(self.link_names) + 1)
+            if joint in self.coordinates:
                 return self.coordinates.index(joint)
             if perhaps_locked:
                 return -1
         hint = did_you_mean(wanted, [*self.link_names, *names])
-        links = truncated(", ".join(self.link_names)).strip("'")
+        all_links = truncated(", ".join(self.link_names)).strip("'")
         raise ArgumentError(
             f"{name} = {truncated(value)}: not a joint of this chain; allowed are 0 … {self.n - 1}, "
-            f"names such as {names[-1]!r}, and links: {links}{hint}",
+            f"names such as {names[-1]!r}, and links: {all_links}{hint}",
             id="unknown-joint",
         )
-
-    def _link_of(self, name: str) -> int:
-        """Number, from 1, of the link whose joint has this name, or else of the link of this name; 0: neither."""
-        known = [*self.joints_of_links, *self.link_names]
-        return known.index(name) % len(self.link_names) + 1 if name in known else 0
 
     @functools.cached_property
     def joint_names(self) -> tuple[str, ...]:

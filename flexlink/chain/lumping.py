@@ -302,7 +302,7 @@ def _add_mount(builder: Builder, link: Link, before: Link | None) -> None:
         builder.turn(about_axis_deg(2, row.theta_deg))
 
 
-def _add_joint(builder: Builder, link: Link, number: int, start: tuple[float, float], prescribed: bool) -> None:
+def _add_joint(builder: Builder, link: Link, number: int, start: tuple[float, float], held: bool) -> None:
     """Add joint, gear and hub of a link; a locked joint remains at `start` [deg, m]."""
     joint = link.joint
     axis, turn = turn_to(joint.axis)
@@ -319,7 +319,7 @@ def _add_joint(builder: Builder, link: Link, number: int, start: tuple[float, fl
         viscous = 0.0 if joint.lags else joint.viscous
         builder.add_hinge(
             Kind.JOINT.at(number), axis, damping=viscous, coulomb=joint.coulomb, width=joint.coulomb_width,
-            armature=joint.armature, lower=lower, upper=upper, prescribed=prescribed,
+            armature=joint.armature, lower=lower, upper=upper, held=held,
         )  # fmt: skip
     if joint.gear_stiffness is not None:
         builder.add_hinge(Kind.GEAR.at(number), axis, joint.gear_stiffness, joint.gear_damping)

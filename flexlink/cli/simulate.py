@@ -34,7 +34,7 @@ from flexlink.describe import data_files
 from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import SOLVERS
-from flexlink.dynamics.sensors.readings import coarse_samples
+from flexlink.dynamics.sensors.instrument import coarse_samples
 from flexlink.motion.evaluation_cost import machine_factor, run_cost
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.single_run import SingleRun

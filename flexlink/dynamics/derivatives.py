@@ -21,10 +21,7 @@ from flexlink.dynamics.result import Result
 from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.kernels.derivatives.forward_derivatives import forward_derivatives
 from flexlink.kernels.derivatives.inverse_derivatives import all_inverse_derivatives
-from flexlink.kernels.derivatives.of_many import (
-    forward_derivatives_of_many,
-    inverse_derivatives_of_many,
-)
+from flexlink.kernels.derivatives.of_many import forward_derivatives_of_many, inverse_derivatives_of_many
 from flexlink.kernels.derivatives.planar_derivatives import planar_derivatives, planar_derivatives_of_many
 
 

@@ -306,7 +306,9 @@ def slack_springs(scene: Scene) -> Iterator[Diagnostic]:
     if hints(scene):  # a wrong unit explains a large drop better
         return
     chain = lump(scene)
-    drop = _drop(chain, _angles(scene, chain))
+    q = _angles(scene, chain)
+    bent = q - deflections(chain, gravity_torque(chain, q))  # to first order
+    drop = float(np.linalg.norm(tip_position(chain, bent) - tip_position(chain, q)))
     if drop > VISIBLE_DROP * chain.size:
         yield Diagnostic(
             f"initial.passive = 'zero', the default: the springs start slack while {fed} holds the joints, so the "
@@ -384,7 +386,10 @@ def balance(scene: Scene) -> Iterator[Diagnostic]:
         return
     if not (np.abs(gravity_torque(chain, q + 0.1)) > small).any():
         return  # gravity drives no joint in any configuration
-    unstable = _is_unstable(chain, q)
+    unstable = False
+    if chain.n <= MAX_JOINTS:
+        K = stiffness_matrix(chain, q, np.zeros(chain.n), np.zeros(6))
+        unstable = bool(np.isfinite(K).all() and np.linalg.eigvalsh(K)[0] < 0)
     how = "in unstable equilibrium and hardly moves for a long time" if unstable else "in equilibrium and stays there"
     yield Diagnostic(
         f"initial.joint_deg = {list(initial.joint_deg)}: the arm starts {how}; change the angles, or apply a load",
@@ -392,25 +397,11 @@ def balance(scene: Scene) -> Iterator[Diagnostic]:
     )
 
 
-def _is_unstable(chain: Chain, q: Array) -> bool:
-    """Whether the equilibrium is unstable; False for long chains, for which the check would take seconds."""
-    if chain.n > MAX_JOINTS:
-        return False
-    K = stiffness_matrix(chain, q, np.zeros(chain.n), np.zeros(6))
-    return bool(np.isfinite(K).all() and np.linalg.eigvalsh(K)[0] < 0)
-
-
 def _angles(scene: Scene, chain: Chain) -> Array:
     """Initial joint coordinates, springs slack [rad, m]."""
     q, starts = np.zeros(chain.n), scene.joint_positions
     q[chain.active] = [starts[chain.coordinates[int(k)].link - 1] for k in chain.active]
     return q
-
-
-def _drop(chain: Chain, q: Array) -> float:
-    """First-order estimate of how far the tip drops under gravity from the configuration with slack springs [m]."""
-    bent = q - deflections(chain, gravity_torque(chain, q))
-    return float(np.linalg.norm(tip_position(chain, bent) - tip_position(chain, q)))
 
 
 def _pulls(scene: Scene) -> tuple[Chain, list[tuple[int, int, float]]]:

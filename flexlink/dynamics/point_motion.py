@@ -19,7 +19,7 @@ from flexlink.chain.arguments import beyond_float64, require_type, vector
 from flexlink.chain.branches import of_parents
 from flexlink.chain.chain import Chain
 from flexlink.chain.layout import Branch, spans_of, sums_outward
-from flexlink.common.errors import ArgumentError
+from flexlink.common.errors import FlexlinkError
 from flexlink.common.products import cross
 from flexlink.common.types import Array
 from flexlink.dynamics.batches import about_state, is_batch, rows
@@ -163,8 +163,12 @@ def point_motion(
     q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
     position, velocity, acceleration, seen, spin = _of_point(chain, body_motion(chain, q, qd, qdd), i, axes @ offset)
     if not is_finite(np.concatenate([position, velocity, acceleration, seen, spin])):
-        raise beyond_float64("the motion of the point", q=q, qd=qd, qdd=qdd, point=offset, gravity=chain.gravity)
+        raise _overflow(chain, q, qd, qdd, offset)
     return PointMotion(position, velocity, acceleration, seen @ axes, spin @ axes)
+
+
+def _overflow(chain: Chain, q: Array, qd: Array, qdd: Array, point: Array) -> FlexlinkError:
+    return beyond_float64("the motion of the point", q=q, qd=qd, qdd=qdd, point=point, gravity=chain.gravity)
 
 
 def motion_in_body(chain: Chain, q: Array, qd: Array, qdd: Array, *, body: int, point: Array) -> PointMotion:
@@ -174,10 +178,7 @@ def motion_in_body(chain: Chain, q: Array, qd: Array, qdd: Array, *, body: int, 
         part = slice(start, start + BATCH)
         found[:, part] = _of_point(chain, body_motions(chain, q[part], qd[part], qdd[part]), body, point)
     for k in np.flatnonzero(~np.isfinite(found).all(axis=(0, 2)))[:1].tolist():
-        try:
-            point_motion(chain, q[k], qd[k], qdd[k], body=body, point=point @ chain.described["link"][body])
-        except ArgumentError as error:
-            raise about_state(k, error) from None
+        raise about_state(k, _overflow(chain, q[k], qd[k], qdd[k], point @ chain.described["link"][body]))
     return PointMotion(*found)
 
 

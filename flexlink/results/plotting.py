@@ -93,7 +93,9 @@ def panels(run: RunSamples) -> Iterator[tuple[str, Draw]]:
             yield name, partial(_curves, run=run, joints=joints, values=values, label=COORDINATES[name, unit.si])
     springs = bool(chain.stiffness.any()) or has_potential(chain)
     there = (
-        ("base", base, chain.has_free_base), ("tip", tip, True), ("energy", exchanged_energy, True),
+        ("base", partial(_position, points=run.q, label="base, frame 0 [m]"), chain.has_free_base),
+        ("tip", partial(_position, points=run.tip, label="tip, frame 0 [m]"), True),
+        ("energy", exchanged_energy, True),
         ("elastic", elastic_energy, springs), ("balance", imbalance, run.work is not None),
     )  # fmt: skip
     yield from ((name, partial(draw, run=run)) for name, draw, shown in there if shown)
@@ -103,18 +105,11 @@ def panels(run: RunSamples) -> Iterator[tuple[str, Draw]]:
             yield "drives", partial(_curves, run=run, joints=joints, values=run.drive_torques[:, joints], label=label)
 
 
-def base(panel: Axes, run: RunSamples) -> None:
-    """Plot the position of a free base."""
+def _position(panel: Axes, run: RunSamples, points: Array, label: str) -> None:
+    """Plot the coordinates of a point in frame 0."""
     for k, axis in enumerate("xyz"):
-        panel.plot(run.t, run.q[:, k], label=axis)
-    panel.set_ylabel("base, frame 0 [m]")
-
-
-def tip(panel: Axes, run: RunSamples) -> None:
-    """Plot the position of the tip."""
-    for column, axis in enumerate("xyz"):
-        panel.plot(run.t, run.tip[:, column], label=axis)
-    panel.set_ylabel("tip, frame 0 [m]")
+        panel.plot(run.t, points[:, k], label=axis)
+    panel.set_ylabel(label)
 
 
 def exchanged_energy(panel: Axes, run: RunSamples) -> None:
@@ -157,14 +152,8 @@ def plot_modes(found: Modes, chain: Chain, count: int = 8) -> Figure:
         view = view_of_motion(chain, found.points, bent)
         panel.plot(*view.flat(as_lines(chain, found.points, base=False)), color=GREY, linewidth=1.0, label="posture")
         colour, line, words = (BLUE, "-", "") if fine[k] else (VERMILION, "--", ", not resolved")
-        panel.plot(
-            *view.flat(as_lines(chain, bent, base=False)),
-            line,
-            color=colour,
-            marker=".",
-            markersize=4,
-            label=f"mode {k + 1}",
-        )
+        style = {"color": colour, "marker": ".", "markersize": 4, "label": f"mode {k + 1}"}
+        panel.plot(*view.flat(as_lines(chain, bent, base=False)), line, **style)
         frequency = f"{found.hertz[k]:.4g} Hz" if np.isfinite(found.hertz[k]) else "unstable, no frequency"
         panel.set_title(f"{k + 1}: {frequency}{words}", fontsize="medium")
         panel.set(xlabel=view.labels[0], ylabel=view.labels[1])

@@ -192,7 +192,7 @@ class Record:
     ) -> Trajectory:
         """The samples before `stop`, read-only; this record must not be used afterwards."""
         work = self.work(slice(stop)) if balanced else None
-        wrench = joined([self._wrenches(part) for part in self.parts(0, stop)])
+        wrench = joined([self.inputs.tip_wrenches(self.t[k], self.q[k], self.qd[k]) for k in self.parts(0, stop)])
         q, qd, chain, motion = self.q, self.qd, self.chain, None
         if self.base is not None:
             parts = [momentum_of_states(chain, q[part], qd[part]) for part in self.parts(0, stop)]
@@ -207,9 +207,6 @@ class Record:
         return Trajectory(
             chain, t, q, qd, tau, tip, energy, work, warnings, steps, wrench, scene, motion, delayed, stated
         )
-
-    def _wrenches(self, rows: slice) -> Array:
-        return self.inputs.tip_wrenches(self.t[rows], self.q[rows], self.qd[rows])
 
 
 def noted(problem: InitialValueProblem, rows: int) -> Array:

@@ -15,8 +15,7 @@ from flexlink.data.measured import read_measured
 from flexlink.describe.sensor import Sensor
 from flexlink.dynamics.filters import linear_filter
 from flexlink.dynamics.notes import notes
-from flexlink.dynamics.sensors.instrument import Instrument, Signal, noise
-from flexlink.dynamics.sensors.readings import coarse_samples
+from flexlink.dynamics.sensors.instrument import Instrument, Signal, coarse_samples, noise
 from flexlink.dynamics.sensors.signals import signal_of, slopes_of
 from tests.conftest import MODELS, SQUARE, flexible, make_scene
 from tests.support.words import refused

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,33 +22,8 @@ from flexlink.dynamics.point_motion import motion_in_body, point_slopes
 from flexlink.dynamics.strain import beam_strain, known_at
 from flexlink.kernels.geometry.kinematics import forward_kinematics
 
-
-class Samples(Protocol):
-    """The samples of a run."""
-
-    @property
-    def t(self) -> Array:
-        """Times (samples,) [s]."""
-
-    @property
-    def chain(self) -> Chain:
-        """The chain that moves."""
-
-    @property
-    def q(self) -> Array:
-        """Angles (samples, n)."""
-
-    @property
-    def qd(self) -> Array:
-        """Rates (samples, n)."""
-
-    @property
-    def tau(self) -> Array:
-        """Drive torques (samples, n)."""
-
-    @property
-    def qdd(self) -> Array:
-        """Accelerations (samples, n)."""
+Samples = Any
+"""The samples of a run: an object with `RunSamples`' chain, t, q, qd, tau and, for accelerometers, qdd."""
 
 
 class Slopes(NamedTuple):

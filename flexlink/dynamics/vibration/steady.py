@@ -148,27 +148,15 @@ def _steady_posture(
 
 
 def _moving(chain: Chain, rates: Mapping[str, float], locked: Joints) -> tuple[Array, NDArray[np.intp]]:
-    """Rates of all joints (n,), and the indices of the held joints."""
-    turning = _rates(require_type("chain", chain, Chain), rates)
-    return turning, _held(chain, turning, rates, locked)
-
-
-def _rates(chain: Chain, rates: Mapping[str, float]) -> Array:
-    """Rates of all joints (n,); 0 for joints that are not named."""
+    """Rates of all joints (n,), 0 for joints that are not named, and the indices of the held joints."""
+    turning = np.zeros(require_type("chain", chain, Chain).n)
     if not isinstance(rates, Mapping) or not rates:
         raise ArgumentError(
             f"rates = {truncated(rates)}: expected a dict such as {{'hub': 50.0}}, in rad/s", id="wrong-type"
         )
-    found = np.zeros(chain.n)
-    for name, rate in rates.items():
-        k = steady_joint(chain, name)
-        found[k] = vector(f"rates[{name!r}]", [rate], 1)[0]
-    return found
-
-
-def _held(chain: Chain, turning: Array, rates: Mapping[str, float], locked: Joints) -> NDArray[np.intp]:
-    """Indices of the joints that move at given rates or are locked."""
     named = [steady_joint(chain, name) for name in rates]
+    for k, (name, rate) in zip(named, rates.items(), strict=True):
+        turning[k] = vector(f"rates[{name!r}]", [rate], 1)[0]
     held = chain.joint_indices("locked", locked)
     for k in named:
         if k in held and turning[k]:
@@ -176,7 +164,7 @@ def _held(chain: Chain, turning: Array, rates: Mapping[str, float], locked: Join
                 f"locked: {chain.joint_name(k)!r} moves with a rate of {turning[k]:g}; leave it out",
                 id="locked-and-moving",
             )
-    return np.union1d(named, held).astype(np.intp)
+    return turning, np.union1d(named, held).astype(np.intp)
 
 
 def steady_joint(chain: Chain, name: str) -> int:

@@ -94,7 +94,6 @@ def shot(path: str | Path, *, magnify: float, colour: str, fps: float, speed: fl
 
 def animate(run: RunSamples, wanted: Shot, progress: Progress | None = None) -> PlayedPath:
     """Draw the specified film of a run and write it to its file; errors as in `Trajectory.animate`."""
-    writers = {".gif": _gif, ".mp4": _mp4, ".html": _html}
     require_callable("progress", progress)
     report, path = progress or (lambda _: None), wanted.path
     film = film_of(run, magnify=wanted.magnify, colour=wanted.colour, fps=wanted.fps, speed=wanted.speed)
@@ -106,7 +105,7 @@ def animate(run: RunSamples, wanted: Shot, progress: Progress | None = None) -> 
             raise StoppedError(stop.signal, f"{path}: {word(stop.signal)}, not written")
 
     with deferred() as stop:
-        write_or_keep(path, lambda place: writers[path.suffix](film, place, wanted.width, pulse))
+        write_or_keep(path, lambda place: _write(film, path.suffix, place, wanted.width, pulse))
     return PlayedPath(path)
 
 
@@ -129,27 +128,24 @@ def _drawing() -> ModuleType:
         ) from None
 
 
-def _gif(film: Film, place: Path, width: int, report: Progress) -> None:
-    drawing = _drawing().Drawing(film, width)
-    like = [drawing.image(int(k)) for k in np.linspace(0, len(film.t) - 1, 6)]
-    write_gif(place, _counted(drawing, film, report), like, round(1000 / film.fps))
+def _write(film: Film, format: str, place: Path, width: int, report: Progress) -> None:
+    """Write a film in a format, and report the progress."""
+    if format == ".html":
+        place.write_bytes(page(film, width).encode())
+        report(1.0)
+        return
+    drawing, count = _drawing().Drawing(film, width), len(film.t)
 
+    def images() -> Iterator[Image]:
+        for k in range(count):
+            yield drawing.image(k)
+            report((k + 1) / count)
 
-def _mp4(film: Film, place: Path, width: int, report: Progress) -> None:
-    drawing = _drawing().Drawing(film, width)
-    write_mp4(place, _counted(drawing, film, report), drawing.size, film.fps)
-
-
-def _counted(drawing: Any, film: Film, report: Progress) -> Iterator[NDArray[np.uint8]]:
-    """Yield every frame, and report the progress."""
-    for k in range(len(film.t)):
-        yield drawing.image(k)
-        report((k + 1) / len(film.t))
-
-
-def _html(film: Film, place: Path, width: int, report: Progress) -> None:
-    place.write_bytes(page(film, width).encode())
-    report(1.0)
+    if format == ".mp4":
+        write_mp4(place, images(), drawing.size, film.fps)
+    else:
+        like = [drawing.image(int(k)) for k in np.linspace(0, count - 1, 6)]
+        write_gif(place, images(), like, round(1000 / film.fps))
 
 
 # Frames as a GIF by Pillow, which comes with matplotlib, or as a video by ffmpeg.

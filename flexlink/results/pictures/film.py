@@ -103,21 +103,8 @@ def film_of(run: RunSamples, *, magnify: float, colour: Colour, fps: float, spee
     true = (R, p) if magnify == 1 else placed(run, run.q[rows])
     trace = frames(run.chain, bent[along]).points[:, -1]
     found = colouring(colour, scene.arm, outline, true, shown)
-    return Film(
-        run.chain.name,
-        scene.about,
-        magnify,
-        speed,
-        fps,
-        outline,
-        view_of(run.chain),
-        found,
-        shown.t,
-        R,
-        p,
-        trace,
-        run.t[along],
-    )
+    about, view = (run.chain.name, scene.about, magnify, speed, fps), view_of(run.chain)
+    return Film(*about, outline, view, found, shown.t, R, p, trace, run.t[along])
 
 
 def frame_count(lasts: float, fps: float, speed: float) -> int:
