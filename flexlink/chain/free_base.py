@@ -79,10 +79,7 @@ def product_of(p: Array, q: Array) -> Array:
 
 
 def rates_matrices(angles: Array) -> Array:
-    """S in ω = S φ̇, the angular velocity in axes of the base from the rates of the angles, shape (…, 3, 3).
-
-    Its determinant is the cosine of the angle about Y.
-    """
+    """S in ω = S φ̇, ω in axes of the base, φ̇ rates of the angles, (…, 3, 3); det S = cos of the angle about Y."""
     (_, cy, cz), (_, sy, sz) = _parts(np.cos(angles)), _parts(np.sin(angles))
     return _matrices([cy * cz, sz, 0.0], [-cy * sz, cz, 0.0], [sy, 0.0, 1.0])
 

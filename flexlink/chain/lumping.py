@@ -175,10 +175,7 @@ def _shared_frame(scene: Scene) -> Frame | None:
 
 
 def pieces(scene: Scene) -> list[Piece]:
-    """Straight pieces of the links that `lump` makes, from the base outward, for pictures of the arm.
-
-    Errors as in `lump`.
-    """
+    """Straight pieces of the links that `lump` makes, from the base outward, for pictures; errors as in `lump`."""
     return frame_of(require_type("scene", scene, Scene)).builder.pieces
 
 

@@ -28,17 +28,7 @@ ANGLES = slice(3, 6)
 
 
 class FloatingBase:
-    """A chain whose base has a changeable reference attitude, and the reference attitude at each sample of a run.
-
-    Attributes
-    ----------
-    original
-        The chain with its initial reference attitude.
-    chain
-        The chain with the present reference attitude.
-    attitude
-        The present reference attitude, a unit quaternion w, x, y, z.
-    """
+    """A chain whose base has a changeable reference attitude, and the reference attitude at each sample of a run."""
 
     def __init__(self, chain: Chain) -> None:
         bodies = chain.bodies.copy()

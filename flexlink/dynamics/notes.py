@@ -32,23 +32,7 @@ ENOUGH_HINGES = 3
 
 
 def notes(scene: Scene) -> tuple[Diagnostic, ...]:
-    """Return notes on probably unintended input: keys without effect, an unusual start. Each note names a remedy.
-
-    Parameters
-    ----------
-    scene
-        The scene. Its chain is built, but nothing is solved.
-
-    Returns
-    -------
-    tuple of Diagnostic
-        A string of one line for each note; empty if there are none.
-
-    Raises
-    ------
-    ArgumentError
-        `scene` is not a Scene.
-    """
+    """Notes on probably unintended input: keys without effect, an unusual start. Each names a remedy."""
     require_type("scene", scene, Scene)
     start = _parallel_gravity, _odd_reference, slack_springs, unheld_joints, weak_gains, weak_drives, balance
     unusual = _tip_without_length, _falling_base, _few_hinges, _on_edge
@@ -57,18 +41,7 @@ def notes(scene: Scene) -> tuple[Diagnostic, ...]:
 
 
 def defaults(scene: Scene) -> tuple[Diagnostic, ...]:
-    """Report defaults that determine the result: gravity, the width of dry friction, and the step or tolerance.
-
-    Parameters
-    ----------
-    scene
-        The scene.
-
-    Returns
-    -------
-    tuple of Diagnostic
-        A string of one line for each default; empty if there are none.
-    """
+    """Defaults that determine the result: gravity, the width of dry friction, and the step or tolerance."""
     return tuple(note for each in (_unsaid_gravity, _width_of_friction, _unsaid_steps) for note in each(scene))
 
 

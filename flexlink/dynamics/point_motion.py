@@ -216,10 +216,7 @@ def _in_axes_of(R: Array, v: Array) -> Array:
 def point_slopes(
     chain: Chain, q: Array, qd: Array, qdd: Array, body: int, point: Array
 ) -> dict[str, tuple[Array, ...]]:
-    """Derivatives of each result of `point_motion` with respect to q, q̇ and q̈, (3, n) each, except those that vanish.
-
-    The state is (n,); the point of the body is given in axes of the body [m].
-    """
+    """Derivatives by q, q̇ and q̈, (3, n) each, of results of `point_motion` at a state (n,), unless they vanish."""
     moving, beyond = body_motion(chain, q, qd, qdd), hinge_bodies(chain)
     R, ω_P, α_P = moving.rotations[body], moving.angular_velocity[body], moving.angular_acceleration[body]
     c = R @ point

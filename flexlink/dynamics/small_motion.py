@@ -23,19 +23,7 @@ SMALLEST = 1e-8
 
 
 class SmallMotion:
-    """K = ∂(T_GC + T_FL)/∂q, C = ∂(T_GC + T_FR)/∂q̇ and M about a configuration at constant rates.
-
-    Joints may be locked.
-
-    Attributes
-    ----------
-    skipped
-        Indices of the coordinates that `eliminate` skipped because their pivots are too small.
-    sizes
-        Magnitude of the terms in each row of the eliminated matrix, shape (n,).
-    scales
-        Unit of the change of each coordinate, as in `rounding.scales`.
-    """
+    """K = ∂(T_GC + T_FL)/∂q, C = ∂(T_GC + T_FR)/∂q̇ and M at constant rates; joints may be locked."""
 
     def __init__(
         self, chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool, locked: NDArray[np.bool_]
@@ -49,7 +37,8 @@ class SmallMotion:
         self.set_position(q)
         self.scales = rounding.scales(chain)
         self.locked, self.rounding = locked, int((~locked).sum()) * rounding.of_load_stiffness(chain)
-        self.skipped, self.sizes = np.zeros(0, np.intp), np.zeros(chain.n)
+        self.skipped = np.zeros(0, np.intp)  # coordinates that `eliminate` skipped because their pivots are too small
+        self.sizes = np.zeros(chain.n)  # magnitude of the terms in each row of the eliminated matrix
 
     def set_position(self, q: Array) -> None:
         """Change the configuration to q (n,)."""

@@ -35,24 +35,12 @@ class LoadedState(NamedTuple):
 
 
 class Stiffness(NamedTuple):
-    """K of the free coordinates, with the data needed to distinguish zero eigenvalues from rounding errors.
+    """K of the free coordinates, with the data needed to distinguish zero eigenvalues from rounding errors."""
 
-    Attributes
-    ----------
-    K
-        Tangent stiffness [N m/rad], shape (n, n); for sliding joints N in place of N m, and m in place of rad.
-    S
-        Square root of the magnitude of each row's terms, shape (n,), so K̂ = S⁻¹ K S⁻¹ is of order 1.
-    conservative
-        Whether the loads have a potential, that is, K is symmetric up to rounding.
-    rounding
-        Bound of the rounding error of K̂'s eigenvalues.
-    """
-
-    K: Array
-    S: Array
-    conservative: bool
-    rounding: float
+    K: Array  # tangent stiffness [N m/rad], (n, n); for sliding joints N in place of N m, and m in place of rad
+    S: Array  # square root of the magnitude of each row's terms, (n,), so K̂ = S⁻¹ K S⁻¹ is of order 1
+    conservative: bool  # whether the loads have a potential, that is, K is symmetric up to rounding
+    rounding: float  # bound of the rounding error of K̂'s eigenvalues
 
     @property
     def symmetric(self) -> Array:

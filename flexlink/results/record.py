@@ -35,20 +35,7 @@ def trajectory_from_states(problem: InitialValueProblem, t: Array, q: Array, qd:
 
 
 class Record:
-    """Preallocated samples of a running simulation; samples not yet computed are uninitialised.
-
-    Attributes
-    ----------
-    q, qd, works
-        States (samples, n) and the integrated work (samples,), excluding the work of a constant
-        tip force, which follows from its potential.
-    so_far
-        Step counts and largest deflection up to each sample (samples, SO_FAR.size).
-    origin
-        Number of fixed steps from t = 0 to the start of the run.
-    kept
-        Workspace and machine code that consecutive runs of the problem reuse.
-    """
+    """Preallocated samples of a running simulation; samples not yet computed are uninitialised."""
 
     def __init__(
         self,
@@ -70,10 +57,12 @@ class Record:
                 np.zeros(len(t)),
                 noted(problem, len(t)),
             )
+        # works: integrated, without the work of a constant tip force, which follows from its potential; so_far: step
+        # counts and largest deflection up to each sample (samples, SO_FAR.size)
         self.tau, self.tip, self.energy, self.works, self.so_far = others
         self._placed = None if self.chain.has_levers else np.empty((len(t), len(self.chain.bodies), 12))
-        self.origin = 0 if self.run.controlled else round(float(t[0]) / self.run.fixed_step)
-        self.kept = Kept() if kept is None else kept
+        self.origin = 0 if self.run.controlled else round(float(t[0]) / self.run.fixed_step)  # fixed steps before t₀
+        self.kept = Kept() if kept is None else kept  # workspace and machine code, which consecutive runs reuse
         self.base = problem.base
         if self.base is not None:
             self.base.begin()

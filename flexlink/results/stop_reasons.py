@@ -56,10 +56,7 @@ class Failure(NamedTuple):
 
 
 def ended_early(reached: float, end: float) -> Failure | None:
-    """Failure of steps that ended at another time than `end` [s] without reporting a failure; else None.
-
-    Every kind of run is checked, so that an incomplete run is never accepted as complete.
-    """
+    """Failure of steps that ended at another time than `end` [s] without a reason, whatever the kind of run."""
     if reached == end:
         return None
     text = f"the steps ended at t = {reached:.6g} s instead of {end:.6g} s without a reason: a bug in flexlink"

@@ -37,10 +37,7 @@ from flexlink.dynamics.sensors.signals import Samples, signal_of
 
 
 class Signal:
-    """A signal up to the last sample, linear between samples, with the state of its filters.
-
-    Before the first sample the signal is constant. Samples are appended, or replaced from an earlier time on.
-    """
+    """A signal, constant before its first sample and linear between samples, with the state of its filters."""
 
     def __init__(self, columns: int, filters: tuple[Filter, ...]) -> None:
         self.filters, self.chain, self.count = filters, linear_filter(filters), 0
@@ -160,7 +157,6 @@ def coarse_samples(scene: Scene, run: Samples) -> Iterator[Diagnostic]:
     """Warn about sensors whose signal is not resolved by its linear interpolation between the samples of a run.
 
     The interpolation error is estimated by leaving out every other sample, which makes it up to four times as large.
-    Errors as in `signal_of`.
     """
     # fewer samples do not allow an estimate
     for sensor in scene.sensor if len(run.t) > 8 else ():

@@ -36,10 +36,9 @@ def inertia_alone(chain: Chain) -> Chain:
 def slowest_frequency(chain: Chain, q: Array) -> float:
     """Lowest natural frequency due to springs [rad/s]; joints without springs are free, and gravity is ignored.
 
-    The result is inf if no joint has a spring, or if the sprung mass is below the rounding error.
-
     Power iteration φ ← K⁻¹ S φ for K φ = ω² S φ on the hinges p with springs. S = M_pp − M_pa M_aa⁺ M_ap is their
     inertia while the joints a without springs are free. M_aa is singular if a stretched arm moves only a point mass.
+    The result is inf if no joint has a spring, or if the sprung mass is below the rounding error.
     """
     return FOUND.calling(_slowest_frequency, chain, q)
 
@@ -52,11 +51,10 @@ def _slowest_frequency(chain: Chain, q: Array) -> float:
 
 
 def fastest_frequency(chain: Chain, q: Array, stiffness: Array | None = None) -> float:
-    """Highest natural frequency due to springs [rad/s], from K φ = ω² M φ, estimated from below.
+    """Highest natural frequency due to springs [rad/s], from K φ = ω² M φ, estimated from below; 0 without springs.
 
-    `stiffness` is the diagonal of K; by default it is taken from the chain, as the other entries always are.
-
-    The result is 0 if there are no springs, and inf if the inertia of a joint is below the rounding error.
+    `stiffness` is the diagonal of K; by default it is taken from the chain, as the other entries always are. The result
+    is inf if the inertia of a joint is below the rounding error.
     """
     return fastest_of(chain, q, chain.stiffness if stiffness is None else stiffness, np.zeros(chain.n))[0]
 

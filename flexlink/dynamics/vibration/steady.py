@@ -219,10 +219,7 @@ def _scaled_terms(chain: Chain, q: Array, steady: LoadedState) -> tuple[Array, A
 
 
 def rest_of(chain: Chain, q: Array, *, tip_wrench: ArrayLike | None = None, frame: Frame = "world") -> Equilibrium:
-    """Static equilibrium with the driven joints held at their angles in q, shape (n,) [rad].
-
-    Errors as in `solve_static`.
-    """
+    """Static equilibrium with the driven joints held at their angles in q (n,) [rad]; errors as in `solve_static`."""
     held = chain.active.tolist()
     return solve_static(chain, unbent(chain, q), tip_wrench=tip_wrench, frame=frame, locked=held)
 
@@ -242,10 +239,7 @@ def modes_at_rest(
 def first_elastic_frequency(
     chain: Chain, q: Array, *, tip_wrench: ArrayLike | None = None, frame: Frame = "world"
 ) -> float:
-    """Lowest elastic frequency of the arm at rest [Hz] with its driven joints held at their angles in q; nan if none.
-
-    Errors as in `solve_static`.
-    """
+    """Lowest elastic frequency at rest [Hz] with driven joints held; nan if none. Errors as in `solve_static`."""
     if not (chain.stiffness[~chain.held] > 0).any():
         return np.nan
     rest = rest_of(chain, q, tip_wrench=tip_wrench, frame=frame)

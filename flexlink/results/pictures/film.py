@@ -21,35 +21,21 @@ MOST_FRAMES = 3000  # about two minutes of film; a GIF with more frames would no
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Film:
-    """An arm in motion, in frame 0.
+    """An arm in motion, in frame 0; body 0 is the fixed base, the last body the tip frame."""
 
-    Attributes
-    ----------
-    name, about
-        Name of the chain, and the scene's description.
-    magnify, speed, fps
-        Magnification of the deflections; seconds of the run per second of the film; frames per second of the film.
-    t
-        Time of each frame in the run [s], shape (f,).
-    R, p
-        Rotations (f, b, 3, 3) and origins (f, b, 3) [m] of bodies; body 0 is the fixed base, the last the tip frame.
-    trace, trace_t
-        Path of the tip (m, 3) [m], and its times (m,) [s].
-    """
-
-    name: str
-    about: str
-    magnify: float
-    speed: float
-    fps: float
+    name: str  # of the chain
+    about: str  # the scene's description
+    magnify: float  # magnification of the deflections
+    speed: float  # seconds of the run per second of the film
+    fps: float  # frames per second of the film
     outline: Outline
     view: View
     colouring: Colouring
-    t: Array
-    R: Array
-    p: Array
-    trace: Array
-    trace_t: Array
+    t: Array  # (f,) time of each frame in the run [s]
+    R: Array  # (f, b, 3, 3) rotations of the bodies
+    p: Array  # (f, b, 3) their origins [m]
+    trace: Array  # (m, 3) path of the tip [m]
+    trace_t: Array  # (m,) its times [s]
 
     @property
     def bodies(self) -> Array:
