@@ -237,17 +237,11 @@ def _framed(scene: Scene, beams: Sequence[SectionBeam | TableBeam | None]) -> Fr
         bodies["turned"][1] = 1  # for any initial attitude
     bodies["loaded"][tips[scene.wrench.on or arm.links[-1].name]] = 1
     chain = Chain(
-        name=scene.name,
-        bodies=bodies,
-        hinges=np.array(builder.hinges, dtype=HINGE),
-        gravity=np.array(scene.gravity),
-        coordinates=tuple(builder.coordinates),
-        link_names=tuple(link.name for link in arm.links),
-        joints_of_links=arm.joint_names,
-        couplings=np.array(builder.couplings, dtype=COUPLING),
-        tips=tips,
+        name=scene.name, bodies=bodies, hinges=np.array(builder.hinges, dtype=HINGE), gravity=np.array(scene.gravity),
+        coordinates=tuple(builder.coordinates), link_names=tuple(link.name for link in arm.links),
+        joints_of_links=arm.joint_names, couplings=np.array(builder.couplings, dtype=COUPLING), tips=tips,
         described=described(builder.bodies[1:]),
-    )
+    )  # fmt: skip
     return Frame(chain.bodies, chain.hinges, chain.couplings, builder, tuple(springs), chain)
 
 

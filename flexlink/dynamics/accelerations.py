@@ -38,15 +38,9 @@ PITCH = AXES.index(1)
 
 
 def forward_dynamics(
-    chain: Chain | Sequence[Chain],
-    q: ArrayLike,
-    qd: ArrayLike,
-    tau: ArrayLike,
-    *,
-    tip_wrench: ArrayLike | None = None,
-    frame: Frame = "world",
-    solver: str = "articulated",
-) -> Array:
+    chain: Chain | Sequence[Chain], q: ArrayLike, qd: ArrayLike, tau: ArrayLike, *,
+    tip_wrench: ArrayLike | None = None, frame: Frame = "world", solver: str = "articulated",
+) -> Array:  # fmt: skip
     """Accelerations q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR − T_DRAG.
 
     Pinocchio calls it `aba`, MuJoCo `mj_forward`. A joint with prescribed motion has a constant rate here, q̈ = 0, for

@@ -72,13 +72,9 @@ def about_state(k: int, error: FlexlinkError) -> FlexlinkError:
 
 
 def each(
-    function: Callable[..., R],
-    chain: Chain,
-    state: dict[str, ArrayLike],
-    *,
-    tip_wrench: ArrayLike | None = None,
+    function: Callable[..., R], chain: Chain, state: dict[str, ArrayLike], *, tip_wrench: ArrayLike | None = None,
     **options: object,
-) -> R:
+) -> R:  # fmt: skip
     """Call a function of one state for each of b states; stack its results, or the fields of its `Result`.
 
     `state` contains the parts of the state by name, in order, `options` what is the same for all states. Each result is

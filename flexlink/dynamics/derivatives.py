@@ -50,14 +50,9 @@ class ForwardDerivatives(Result):
 
 
 def inverse_dynamics_derivatives(
-    chain: Chain,
-    q: ArrayLike,
-    qd: ArrayLike,
-    qdd: ArrayLike,
-    *,
-    tip_wrench: ArrayLike | None = None,
+    chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, *, tip_wrench: ArrayLike | None = None,
     frame: Frame = "world",
-) -> InverseDerivatives:
+) -> InverseDerivatives:  # fmt: skip
     """∂τ/∂q, ∂τ/∂q̇ and ∂τ/∂q̈ of `inverse_dynamics`, τ = M(q) q̈ + T_GC(q, q̇), without springs and friction.
 
     Found by an O(n²) recursion, without finite differences (Carpentier & Mansard 2018; Singh, Russell & Wensing 2022).
@@ -108,14 +103,9 @@ def inverse_dynamics_derivatives(
 
 
 def forward_dynamics_derivatives(
-    chain: Chain,
-    q: ArrayLike,
-    qd: ArrayLike,
-    tau: ArrayLike,
-    *,
-    tip_wrench: ArrayLike | None = None,
+    chain: Chain, q: ArrayLike, qd: ArrayLike, tau: ArrayLike, *, tip_wrench: ArrayLike | None = None,
     frame: Frame = "world",
-) -> ForwardDerivatives:
+) -> ForwardDerivatives:  # fmt: skip
     """∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX of `forward_dynamics`, M q̈ = T_EX − T_GC − T_FL − T_FR − T_DRAG.
 
     ∂q̈/∂(q, q̇) = −M⁻¹ ∂(M q̈ + T_GC + T_FL + T_FR + T_DRAG)/∂(q, q̇) at constant q̈. The articulated-body algorithm

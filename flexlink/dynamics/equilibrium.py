@@ -69,16 +69,9 @@ class Equilibrium(SavedResult):
 
 
 def solve_static(
-    chain: Chain,
-    q: ArrayLike | None = None,
-    qd: ArrayLike | None = None,
-    tau: ArrayLike | None = None,
-    *,
-    tip_wrench: ArrayLike | None = None,
-    frame: Frame = "world",
-    locked: Joints = (),
-    tolerance: float = 1e-9,
-) -> Equilibrium:
+    chain: Chain, q: ArrayLike | None = None, qd: ArrayLike | None = None, tau: ArrayLike | None = None, *,
+    tip_wrench: ArrayLike | None = None, frame: Frame = "world", locked: Joints = (), tolerance: float = 1e-9,
+) -> Equilibrium:  # fmt: skip
     """Configuration in which gravity, springs, tip wrench and drive torque balance: T_GC(q, q̇) + T_FL(q) = T_EX.
 
     The load is increased along the equilibrium path by an arc-length Newton method (Riks 1979; Crisfield 1981).
@@ -135,13 +128,9 @@ def solve_static(
     holding = load_torque(chain, posture, rates, wrench, follower) + elastic_torque(chain, posture)
     holding[free] = drive[free]
     return Equilibrium(
-        posture,
-        holding,
-        float(np.abs(equations.value(end)).max()),
-        not equations.falls(end),
-        np.array([np.append(x[0], equations.posture(x)) for x in path]),
-        chain.slides,
-    )
+        posture, holding, float(np.abs(equations.value(end)).max()), not equations.falls(end),
+        np.array([np.append(x[0], equations.posture(x)) for x in path]), chain.slides,
+    )  # fmt: skip
 
 
 def at_rest(equations: Equations, tolerance: float = 1e-9) -> tuple[Array, list[Array]]:
@@ -223,12 +212,8 @@ def static_postures(chain: Chain, angles: Array) -> Array:
 
 
 def buckling_loads(
-    chain: Chain,
-    q: ArrayLike | None = None,
-    *,
-    tip_wrench: ArrayLike | None = None,
-    locked: Joints = (),
-) -> Array:
+    chain: Chain, q: ArrayLike | None = None, *, tip_wrench: ArrayLike | None = None, locked: Joints = (),
+) -> Array:  # fmt: skip
     """Load factors at which the arm can buckle: multiples of gravity and tip wrench together (dimensionless).
 
     At a buckling load, K_elastic + s K_load(q) is singular; q is fixed, and joints without springs are locked.

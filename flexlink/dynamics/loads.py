@@ -66,14 +66,9 @@ class InternalLoads(Result):
 
 
 def internal_loads(
-    chain: Chain,
-    q: ArrayLike,
-    qd: ArrayLike,
-    qdd: ArrayLike,
-    *,
-    tip_wrench: ArrayLike | None = None,
+    chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, *, tip_wrench: ArrayLike | None = None,
     frame: Frame = "world",
-) -> InternalLoads:
+) -> InternalLoads:  # fmt: skip
     """Axial force, shear, torque and bending moment at every hinge and joint.
 
     They follow from the given motion alone, whatever the drive; for a simulation use `run.loads`. If q̈ is from

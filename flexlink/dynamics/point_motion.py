@@ -108,15 +108,9 @@ class PointMotion(Result):
 
 
 def point_motion(
-    chain: Chain,
-    q: ArrayLike,
-    qd: ArrayLike,
-    qdd: ArrayLike,
-    *,
-    body: int = -1,
-    tip: str | int | None = None,
+    chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, *, body: int = -1, tip: str | int | None = None,
     point: ArrayLike = (0.0, 0.0, 0.0),
-) -> PointMotion:
+) -> PointMotion:  # fmt: skip
     """Return position, velocity and acceleration of a point of a body, and readings of an inertial sensor (IMU) there.
 
     The accelerometer reads a − g in axes of the link: at rest an upward 9.81 m/s², in free fall zero.

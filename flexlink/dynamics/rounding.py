@@ -100,14 +100,9 @@ def of_acceleration(
 
 
 def acceleration_error(
-    chain: Chain,
-    q: ArrayLike,
-    qd: ArrayLike,
-    tau: ArrayLike,
-    *,
-    solutions: tuple[ArrayLike, ArrayLike],
+    chain: Chain, q: ArrayLike, qd: ArrayLike, tau: ArrayLike, *, solutions: tuple[ArrayLike, ArrayLike],
     tip_wrench: ArrayLike | None = None,
-) -> Array:
+) -> Array:  # fmt: skip
     """Difference of two solutions q̈ as |M Δq̈| / `of_residual`, shape (n,); rounding errors explain values ≤ 1."""
     one, other = (np.asarray(qdd, dtype=np.float64) for qdd in solutions)
     if not (np.isfinite(one).all() and np.isfinite(other).all()):

@@ -125,14 +125,9 @@ def tangent(
 
 
 def falls(
-    chain: Chain,
-    q: Array,
-    qd: Array,
-    wrench: Array,
-    free: NDArray[np.intp],
-    follower: bool = False,
+    chain: Chain, q: Array, qd: Array, wrench: Array, free: NDArray[np.intp], follower: bool = False,
     motion: SmallMotion | None = None,
-) -> bool:
+) -> bool:  # fmt: skip
     """Return `tangent(…).falls` in O(n): from the signs of pivots if the loads have a potential, else by Arnoldi's
     method.
 

@@ -40,14 +40,9 @@ def algorithms_of(chain: Chain) -> tuple[str, ...]:
 
 
 def inverse_dynamics(
-    chain: Chain,
-    q: ArrayLike,
-    qd: ArrayLike,
-    qdd: ArrayLike,
-    *,
-    tip_wrench: ArrayLike | None = None,
+    chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, *, tip_wrench: ArrayLike | None = None,
     frame: Frame = "world",
-) -> Array:
+) -> Array:  # fmt: skip
     """Torque M q̈ + T_GC of the rigid-body motion, without springs and friction.
 
     Recursive Newton-Euler algorithm (Luh, Walker & Paul 1980; paper, section 3), as in Pinocchio's `rnea` and MuJoCo's

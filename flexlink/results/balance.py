@@ -45,15 +45,9 @@ class Balance:
     """Checks of a run's samples; `seen`, indexed by SEEN, contains their running results."""
 
     def __init__(
-        self,
-        chain: Chain,
-        force: Array,
-        *,
-        insisted: bool = False,
-        bend: float = np.inf,
-        near: float = np.inf,
+        self, chain: Chain, force: Array, *, insisted: bool = False, bend: float = np.inf, near: float = np.inf,
         kept: Kept | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.chain, self.kept, given = chain, Kept() if kept is None else kept, (insisted, bend, near)
         find = functools.partial(_bounds, chain, force, *given)
         self.bounds: Bounds = self.kept("bounds", (given, force.tobytes()), find)

@@ -186,18 +186,13 @@ def _fields(arrays: Mapping[str, Any]) -> dict[str, Any]:
     check_chain(chain)
     check_samples(arrays, chain.n)
     return dict(
-        chain=chain,
-        **{name: arrays[name] for name in ("t", "q", "qd", "tip", "tip_wrench")},
-        drive_torques=arrays["tau"],
-        energy=Energy(arrays["kinetic"], arrays["gravity"], arrays["elastic"]),
-        work=arrays.get("work"),
-        warnings=tuple(_warnings(arrays)),
-        steps=convert(steps, Steps | None),
-        scene=scene,
+        chain=chain, **{name: arrays[name] for name in ("t", "q", "qd", "tip", "tip_wrench")},
+        drive_torques=arrays["tau"], energy=Energy(arrays["kinetic"], arrays["gravity"], arrays["elastic"]),
+        work=arrays.get("work"), warnings=tuple(_warnings(arrays)), steps=convert(steps, Steps | None), scene=scene,
         base=_base(arrays) if "attitude" in arrays else None,
         **({"delayed": arrays["delayed"]} if "delayed" in arrays else {}),
         stated=_stated(arrays) if "error" in arrays else None,
-    )
+    )  # fmt: skip
 
 
 def _stated(arrays: Mapping[str, Any]) -> StatedError:
@@ -241,18 +236,14 @@ def _chain(arrays: Mapping[str, Any]) -> Chain:
         bodies["loaded"][-1] = 1
     tips = arrays.get("chain_tips", np.array([[len(links) - 1, len(bodies) - 1]]))
     chain = Chain(
-        name=str(arrays["chain_name"]),
-        bodies=bodies,
-        hinges=_records(arrays["chain_hinges"], HINGE),
+        name=str(arrays["chain_name"]), bodies=bodies, hinges=_records(arrays["chain_hinges"], HINGE),
         gravity=np.ascontiguousarray(arrays["chain_gravity"]),
-        coordinates=tuple(Coordinate(*row) for row in arrays["chain_coordinates"].tolist()),
-        link_names=tuple(links),
+        coordinates=tuple(Coordinate(*row) for row in arrays["chain_coordinates"].tolist()), link_names=tuple(links),
         couplings=_records(arrays.get("chain_couplings", np.zeros(0, COUPLING)), COUPLING),
-        tips={links[link]: body for link, body in tips.tolist()},
-        forces=dict(_forces(arrays)),
+        tips={links[link]: body for link, body in tips.tolist()}, forces=dict(_forces(arrays)),
         described=_records(arrays.get("chain_described", np.zeros(0, DESCRIBED)), DESCRIBED),
         joints_of_links=tuple(arrays["chain_joints"].tolist()) if "chain_joints" in arrays else (),
-    )
+    )  # fmt: skip
     return chain if "chain_shapes" not in arrays else dataclasses.replace(chain, shapes=_shapes(chain, arrays))
 
 

@@ -38,25 +38,17 @@ class Record:
     """Preallocated samples of a running simulation; samples not yet computed are uninitialised."""
 
     def __init__(
-        self,
-        problem: InitialValueProblem,
-        t: Array,
-        q: Array,
-        qd: Array,
-        kept: Kept | None = None,
+        self, problem: InitialValueProblem, t: Array, q: Array, qd: Array, kept: Kept | None = None,
         others: tuple[Array, ...] | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.problem, self.run, self.chain, self.inputs = problem, problem.run, problem.chain, problem.inputs
         self.t, self.q, self.qd = t, q, qd
         if others is None:
             n = problem.chain.n
             others = (
-                np.empty((len(t), n)),
-                np.empty((len(t), 3)),
-                np.empty((3, len(t))),
-                np.zeros(len(t)),
+                np.empty((len(t), n)), np.empty((len(t), 3)), np.empty((3, len(t))), np.zeros(len(t)),
                 noted(problem, len(t)),
-            )
+            )  # fmt: skip
         # works: integrated, without the work of a constant tip force, which follows from its potential; so_far: step
         # counts and largest deflection up to each sample (samples, SO_FAR.size)
         self.tau, self.tip, self.energy, self.works, self.so_far = others
@@ -171,14 +163,9 @@ class Record:
         return State(float(self.t[row]), q[row].copy(), qd[row].copy())
 
     def trajectory(
-        self,
-        stop: int,
-        warnings: tuple[Diagnostic, ...] = (),
-        steps: Steps | None = None,
-        balanced: bool = True,
-        stated: StatedError | None = None,
-        scene: Scene | None = None,
-    ) -> Trajectory:
+        self, stop: int, warnings: tuple[Diagnostic, ...] = (), steps: Steps | None = None, balanced: bool = True,
+        stated: StatedError | None = None, scene: Scene | None = None,
+    ) -> Trajectory:  # fmt: skip
         """The samples before `stop`, read-only; this record must not be used afterwards."""
         work = self.work(slice(stop)) if balanced else None
         wrench = joined([self.inputs.tip_wrenches(self.t[k], self.q[k], self.qd[k]) for k in self.parts(0, stop)])

@@ -352,12 +352,9 @@ quaternion, angular velocity in axes of the base, momentum of all bodies in fram
 
 @functools.lru_cache(maxsize=64)
 def _sources(
-    joints: tuple[str, ...],
-    units: tuple[tuple[str, ...], tuple[str, ...]],
-    active: tuple[int, ...],
-    balanced: bool,
+    joints: tuple[str, ...], units: tuple[tuple[str, ...], tuple[str, ...]], active: tuple[int, ...], balanced: bool,
     floats: bool,
-) -> Mapping[str, Source]:
+) -> Mapping[str, Source]:  # fmt: skip
     """Source of each column, in the order of the CSV file; runs of one layout share it."""
     balances = ("work", "imbalance") if balanced else ()  # other engines do not integrate work
     of_base = OF_A_FREE_BASE.items() if floats else ()

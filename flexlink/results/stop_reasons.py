@@ -101,12 +101,8 @@ class InterruptedRunError(KeyboardInterrupt):
     """
 
     def __init__(
-        self,
-        trajectory: Trajectory,
-        number: int = signal.SIGINT,
-        where: str = "",
-        runs: Sequence[Trajectory] = (),
-    ) -> None:
+        self, trajectory: Trajectory, number: int = signal.SIGINT, where: str = "", runs: Sequence[Trajectory] = (),
+    ) -> None:  # fmt: skip
         kept = len(trajectory.t)
         super().__init__(f"{word(number)} at t = {trajectory.t[-1]:.6g} s; {kept} sample{'s' * (kept > 1)} kept{where}")
         self.trajectory, self.signal, self.where, self.runs = trajectory, number, where, runs

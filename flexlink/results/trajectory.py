@@ -347,16 +347,9 @@ class Trajectory(RunSamples):
         return figure
 
     def animate(
-        self,
-        path: str | Path,
-        *,
-        magnify: float = 1.0,
-        colour: Literal["moment", "strain"] = "moment",
-        fps: float = 25.0,
-        speed: float = 1.0,
-        width: int = 640,
-        progress: Callable[[float], None] | None = None,
-    ) -> Path:
+        self, path: str | Path, *, magnify: float = 1.0, colour: Literal["moment", "strain"] = "moment",
+        fps: float = 25.0, speed: float = 1.0, width: int = 640, progress: Callable[[float], None] | None = None,
+    ) -> Path:  # fmt: skip
         """Draw the moving arm with its links as wide as their sections, gravity downwards, and the path of its tip.
 
         Planar arms are shown perpendicular to their plane, others from the side and above, with their shadow on a level

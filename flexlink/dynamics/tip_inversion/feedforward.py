@@ -76,13 +76,9 @@ def feedforward_of(scene: Scene, chain: Chain, move: TipMove, wrench: Array) -> 
             coarse[0], 0.0, id="inversion-diverged",
         )  # fmt: skip
     found = Feedforward(
-        np.asarray(move.start + grid.spacing * (np.arange(grid.rows) - grid.before), np.float64),
-        path,
-        motion,
-        grid,
-        move,
-        zeros,
-    )
+        np.asarray(move.start + grid.spacing * (np.arange(grid.rows) - grid.before), np.float64), path, motion, grid,
+        move, zeros,
+    )  # fmt: skip
     _require_effort(scene, chain, found)
     return found
 

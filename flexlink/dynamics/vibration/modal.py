@@ -49,15 +49,9 @@ from flexlink.dynamics.vibration.eigenproblem import lowest
 
 
 def mode_kinds(
-    λ: Complex,
-    φ: NDArray[np.inexact],
-    P: Array,
-    noise: Array,
-    springs: Array,
-    damping: Array,
-    coupled: Array,
+    λ: Complex, φ: NDArray[np.inexact], P: Array, noise: Array, springs: Array, damping: Array, coupled: Array,
     lent: Array,
-) -> tuple[tuple[str, ...], Array]:
+) -> tuple[tuple[str, ...], Array]:  # fmt: skip
     """Return the kind of every mode, and the elastic share of its energy, E / (E + P + F), shape (modes,).
 
     Mode shapes φ (modes, n), springs [N m/rad], derivatives of friction at rest [N m s/rad] and J of `lent` [kg m²],
@@ -165,15 +159,9 @@ class Modes(SavedResult):
 
 
 def modes(
-    chain: Chain,
-    q: ArrayLike | None = None,
-    qd: ArrayLike | None = None,
-    *,
-    tip_wrench: ArrayLike | None = None,
-    frame: Frame = "world",
-    locked: Joints = (),
-    count: int | None = None,
-) -> Modes:
+    chain: Chain, q: ArrayLike | None = None, qd: ArrayLike | None = None, *, tip_wrench: ArrayLike | None = None,
+    frame: Frame = "world", locked: Joints = (), count: int | None = None,
+) -> Modes:  # fmt: skip
     """Modes of small motion about a configuration, which should be an equilibrium (`solve_static`).
 
     M δq̈ + (D + G) δq̇ + K δq = 0,  δq = φ exp(λt):  K = ∂(T_GC + T_FL)/∂q, G = ∂T_GC/∂q̇, D = ∂T_FR/∂q̇ at rest.
@@ -296,14 +284,9 @@ def _coupled_energy(chain: Chain, λ: Complex, shapes: NDArray[np.inexact]) -> A
 
 
 def natural_frequencies(
-    chain: Chain,
-    q: ArrayLike | None = None,
-    qd: ArrayLike | None = None,
-    *,
-    tip_wrench: ArrayLike | None = None,
-    frame: Frame = "world",
-    locked: Joints = (),
-) -> Array:
+    chain: Chain, q: ArrayLike | None = None, qd: ArrayLike | None = None, *, tip_wrench: ArrayLike | None = None,
+    frame: Frame = "world", locked: Joints = (),
+) -> Array:  # fmt: skip
     """Natural angular frequencies, slowest first; nan for aperiodic growth.
 
     These are `modes(...).frequencies`.

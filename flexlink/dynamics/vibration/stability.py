@@ -44,14 +44,9 @@ def _along(slope: Array, φ: Array) -> Array:
 
 
 def eigenvalues(
-    chain: Chain,
-    q: ArrayLike,
-    qd: ArrayLike | None = None,
-    *,
-    tip_wrench: ArrayLike | None = None,
-    frame: Frame = "world",
-    gains: Gains | None = None,
-) -> Complex:
+    chain: Chain, q: ArrayLike, qd: ArrayLike | None = None, *, tip_wrench: ArrayLike | None = None,
+    frame: Frame = "world", gains: Gains | None = None,
+) -> Complex:  # fmt: skip
     """Eigenvalues λ [1/s] of small motion about a state, two per free joint; prescribed joints are excluded.
 
     λ² M + λ (D + G) + K = 0 with K = ∂(T_GC + T_FL)/∂q + k_p and D = ∂T_FR/∂q̇ at rest + k_d, the gains of a drive.
@@ -61,14 +56,9 @@ def eigenvalues(
 
 
 def fastest_eigenvalues(
-    chain: Chain,
-    q: ArrayLike,
-    qd: ArrayLike | None = None,
-    *,
-    tip_wrench: ArrayLike | None = None,
-    frame: Frame = "world",
-    gains: Gains | None = None,
-) -> Complex:
+    chain: Chain, q: ArrayLike, qd: ArrayLike | None = None, *, tip_wrench: ArrayLike | None = None,
+    frame: Frame = "world", gains: Gains | None = None,
+) -> Complex:  # fmt: skip
     """Eigenvalues that limit the step of an explicit method [1/s]; for more than 100 joints, estimated in O(n).
 
     The Lanczos method finds the largest ω² of K φ = ω² M φ and the largest δ of D φ = δ M φ; inverse and forward
@@ -200,15 +190,9 @@ def largest_frequency(chain: Chain, q: ArrayLike) -> float:
 
 
 def stable_step(
-    chain: Chain,
-    q: ArrayLike | None = None,
-    qd: ArrayLike | None = None,
-    *,
-    tip_wrench: ArrayLike | None = None,
-    frame: Frame = "world",
-    gains: Gains | None = None,
-    method: str = "RK4",
-) -> float:
+    chain: Chain, q: ArrayLike | None = None, qd: ArrayLike | None = None, *, tip_wrench: ArrayLike | None = None,
+    frame: Frame = "world", gains: Gains | None = None, method: str = "RK4",
+) -> float:  # fmt: skip
     """Largest step [s] at which `method` is stable on this chain about a state.
 
     It is the largest h with |R(h'λ)| ≤ 1 + 1e-6 for all `eigenvalues` λ of the chain and all h' ≤ h. An unstable

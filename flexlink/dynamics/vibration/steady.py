@@ -35,15 +35,9 @@ SAME = 1e-9
 
 
 def modes_in_motion(
-    chain: Chain,
-    rates: Mapping[str, float],
-    q: ArrayLike | None = None,
-    *,
-    tip_wrench: ArrayLike | None = None,
-    frame: Frame = "world",
-    locked: Joints = (),
-    count: int | None = None,
-) -> Modes:
+    chain: Chain, rates: Mapping[str, float], q: ArrayLike | None = None, *, tip_wrench: ArrayLike | None = None,
+    frame: Frame = "world", locked: Joints = (), count: int | None = None,
+) -> Modes:  # fmt: skip
     """Modes of an arm about a steady motion in which some joints move at constant rates.
 
     The configuration is `equilibrium_in_motion`, in which centrifugal forces, gravity, springs and loads balance. The
@@ -91,14 +85,9 @@ def modes_in_motion(
 
 
 def equilibrium_in_motion(
-    chain: Chain,
-    rates: Mapping[str, float],
-    q: ArrayLike | None = None,
-    *,
-    tip_wrench: ArrayLike | None = None,
-    frame: Frame = "world",
-    locked: Joints = (),
-) -> Equilibrium:
+    chain: Chain, rates: Mapping[str, float], q: ArrayLike | None = None, *, tip_wrench: ArrayLike | None = None,
+    frame: Frame = "world", locked: Joints = (),
+) -> Equilibrium:  # fmt: skip
     """Configuration of an arm with some joints at constant rates; all others satisfy T_GC(q, q̇) + T_FL(q) = 0.
 
     It is the result of `solve_static(chain, q, qd)`, starting from slack springs, with a check for steady motion.
@@ -131,13 +120,9 @@ def equilibrium_in_motion(
 
 
 def _steady_posture(
-    chain: Chain,
-    turning: Array,
-    held: NDArray[np.intp],
-    q: ArrayLike | None,
-    tip_wrench: ArrayLike | None,
+    chain: Chain, turning: Array, held: NDArray[np.intp], q: ArrayLike | None, tip_wrench: ArrayLike | None,
     frame: Frame,
-) -> Equilibrium:
+) -> Equilibrium:  # fmt: skip
     """Equilibrium of the other joints while the joints in `held` move at their rates (n,)."""
     start = unbent(chain, chain.rest.copy() if q is None else vector("q", q, chain.n))
     rest = solve_static(chain, start, turning, tip_wrench=tip_wrench, frame=frame, locked=held)
@@ -225,13 +210,9 @@ def rest_of(chain: Chain, q: Array, *, tip_wrench: ArrayLike | None = None, fram
 
 
 def modes_at_rest(
-    chain: Chain,
-    rest: Equilibrium,
-    *,
-    tip_wrench: ArrayLike | None = None,
-    frame: Frame = "world",
+    chain: Chain, rest: Equilibrium, *, tip_wrench: ArrayLike | None = None, frame: Frame = "world",
     count: int | None = None,
-) -> Modes:
+) -> Modes:  # fmt: skip
     """The `count` slowest modes, or all, about the equilibrium `rest` with the driven joints held."""
     return modes(chain, rest.q, tip_wrench=tip_wrench, frame=frame, locked=chain.active.tolist(), count=count)
 
