@@ -10,7 +10,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain import free_base
 from flexlink.chain.arguments import require_type
 from flexlink.chain.beam_hinges import Springs, add_beam
 from flexlink.chain.beam_slides import Slides
@@ -18,11 +17,10 @@ from flexlink.chain.beams import SectionBeam, TableBeam
 from flexlink.chain.builder import Builder, Piece, described, record_inertia, recorded
 from flexlink.chain.chain import Chain
 from flexlink.chain.constant_ratio import posture_of, with_constant_ratios
-from flexlink.chain.coordinates import Kind
+from flexlink.chain.coordinates import BASE_AXES, Kind
 from flexlink.chain.forces import with_forces
-from flexlink.chain.free_base import reference_rotation
 from flexlink.chain.odd_bodies import require_positive_mass
-from flexlink.chain.rigid import HERE, about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
+from flexlink.chain.rigid import HERE, about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, reference_rotation, turn_to
 from flexlink.chain.shapes import with_shapes
 from flexlink.common.errors import FlexlinkError, SceneError
 from flexlink.common.memo import Memo
@@ -274,7 +272,7 @@ def _add_base(builder: Builder, scene: Scene) -> None:
         if turns:
             builder.turn(reference_rotation(scene.initial.base))
         builder.start_body()
-        for axis in (axis for axis in free_base.AXES if (axis < SLIDES) == turns):
+        for axis in (axis for axis in BASE_AXES if (axis < SLIDES) == turns):
             builder.add_hinge(Kind.BASE.at(0, axis=next(hinges)), axis)
     builder.add_payload(base)
 

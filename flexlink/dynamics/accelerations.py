@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import require_each, require_one_of, vector
 from flexlink.chain.chain import Chain
-from flexlink.chain.free_base import AXES
+from flexlink.chain.coordinates import BASE_AXES
 from flexlink.common.errors import ArgumentError, FlexlinkError, SingularMassError
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
@@ -33,7 +33,7 @@ SOLVERS: dict[ForwardSolver, solvers.Solver] = {
 }
 
 
-PITCH = AXES.index(1)
+PITCH = BASE_AXES.index(1)
 """Index of the free base's rotation about Y among the coordinates."""
 
 

@@ -13,8 +13,15 @@ from typing import Any
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.chain.free_base import angles_of, product_of, quaternions_of, rates_matrices
-from flexlink.chain.rigid import matrices_from_quaternions, matrix_from_quaternion, quaternion_from_matrix
+from flexlink.chain.rigid import (
+    angles_of,
+    matrices_from_quaternions,
+    matrix_from_quaternion,
+    product_of,
+    quaternion_from_matrix,
+    quaternions_of,
+    rates_matrices,
+)  # fmt: skip
 from flexlink.common.types import Array
 from flexlink.kernels.forward.articulated_rows import BODY_ROW
 from flexlink.kernels.forward.mass_plus_shapes import ShapedPosture

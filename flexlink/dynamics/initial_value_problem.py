@@ -28,7 +28,7 @@ class InitialValueProblem:
 
     @property
     def original(self) -> Chain:
-        """The chain with the initial reference attitude of its free base, however far a run has progressed."""
+        """The chain with the initial reference attitude of its floating base, however far a run has progressed."""
         return self.chain if self.base is None else self.base.original
 
     @property

@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import beyond_float64, require_type, vector
-from flexlink.chain.branches import of_parents
 from flexlink.chain.chain import Chain
-from flexlink.chain.layout import Branch, spans_of, sums_outward
+from flexlink.chain.layout import Branch, of_parents, spans_of, sums_outward
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.products import cross
 from flexlink.common.types import Array

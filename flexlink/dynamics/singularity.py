@@ -45,7 +45,7 @@ def idle_joint(chain: Chain, q: Array) -> int:
     """Return the joint that moves most in the motion with the least inertia; if several move equally, the last one.
 
     This motion is the eigenvector v of M v = λ D v with the smallest λ, where D is the diagonal of M; λ is at most 1,
-    and 0 if M is singular. Joints with prescribed motion are left out.
+    and 0 if M is singular. Held joints are left out.
     """
     M = np.zeros((chain.n, chain.n))
     mass_composite(chain.arrays, q, M)

@@ -2,7 +2,7 @@
 
     d/dt (T + V_g + V_e) = q̇·(T_EX − T_FR) + f·ṗ + m·ω
 
-T_EX are the torques of drives and prescribed motions; f and m are force and moment on the tip. W is integrated with the
+T_EX are the torques of drives and of held joints; f and m are force and moment on the tip. W is integrated with the
 method of the run, so the imbalance E − E(0) − W is the energy error that the discretisation or an unstable step causes.
 """
 
@@ -85,7 +85,7 @@ def _bounds(chain: Chain, force: Array, insisted: bool, bend: float, near: float
 
 
 WATCHED = Memo(64)
-"""Cache by chain layout: joints that bend, joints with limits, and driven joints without prescribed motion."""
+"""Cache by chain layout: joints that bend, joints with limits, and driven joints that are not held."""
 
 
 def _watched(chain: Chain) -> tuple[Indices, Indices, Indices]:

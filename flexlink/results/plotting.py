@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import require_one_of, sequence
-from flexlink.chain.branches import as_lines
 from flexlink.chain.coordinates import Kind
+from flexlink.chain.layout import as_lines
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.common.wording import plural

@@ -66,13 +66,13 @@ class Record:
         return self.kept("forward dynamics", None, self.problem.workspace)
 
     def begin(self) -> None:
-        """Measure the angles of a free base from its initial attitude, in the first sample and the following steps."""
+        """Measure the angles of a floating base from its initial attitude, in the first sample and the following steps."""
         if self.base is not None:
             self.base.turn(0, self.q[0], self.qd[0], self.scratch)
 
     @property
     def far(self) -> float:
-        """Rotation of a free base at which its coordinates change [rad]; inf if the base is fixed."""
+        """Rotation of a floating base at which its coordinates change [rad]; inf if the base is fixed."""
         return np.inf if self.base is None else FAR
 
     def is_far(self, q: Array) -> bool:
@@ -84,7 +84,7 @@ class Record:
     ) -> int:
         """Integrate to fixed step `stop`; return the number of the last step with a finite state; `go`: `integrate`.
 
-        If a free base has turned far, its coordinates change, even at step `stop`: later steps do not depend on `stop`.
+        If a floating base has turned far, its coordinates change, even at step `stop`: later steps do not depend on `stop`.
         """
         every, (q, qd, _), _ = rest
         done = int(go(*fixed, first, stop, self.far, *rest))
@@ -94,7 +94,7 @@ class Record:
         return done
 
     def parts(self, first: int, stop: int) -> Iterator[slice]:
-        """Samples first … stop − 1, split where the coordinates of a free base change."""
+        """Samples first … stop − 1, split where the coordinates of a floating base change."""
         return iter([slice(first, stop)]) if self.base is None else self.base.parts(first, stop, self.scratch)
 
     @property
@@ -156,7 +156,7 @@ class Record:
         return np.asarray(self.works[rows] + (self.tip[rows] - self.tip[0]) @ force)
 
     def state(self, row: int) -> State:
-        """State of a sample, from which a run can be continued; of a free base relative to its initial attitude."""
+        """State of a sample, from which a run can be continued; of a floating base relative to its initial attitude."""
         q, qd = self.q[: row + 1], self.qd[: row + 1]
         if self.base is not None:
             q, qd, *_ = self.base.from_the_start(q, qd)

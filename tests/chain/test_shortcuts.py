@@ -10,8 +10,7 @@ import pytest
 import flexlink as fl
 from flexlink.chain import builder, size
 from flexlink.chain.coordinates import Kind
-from flexlink.chain.free_base import angles_of, quaternions_of
-from flexlink.chain.rigid import matrices_from_quaternions, matrix_from_quaternion
+from flexlink.chain.rigid import angles_of, matrices_from_quaternions, matrix_from_quaternion, quaternions_of
 from flexlink.data.documents import is_finite
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.schemes.methods import method

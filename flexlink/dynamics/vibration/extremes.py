@@ -82,7 +82,7 @@ def scratch(chain: Chain) -> Posture:
 def _fastest(chain: Chain, q: Array, *diagonals: Array) -> tuple[float, float]:
     """√λ and λ for the largest λ of K φ = λ M φ and of D φ = λ M φ, by the power iteration φ ← M⁻¹ K φ.
 
-    K and D have these diagonals and the chain's couplings; prescribed joints are at rest.
+    K and D have these diagonals and the chain's couplings; held joints are at rest.
     """
     found, posture = [0.0, 0.0], None
     for k, (name, weights) in enumerate(zip(("stiffness", "damping"), diagonals, strict=True)):

@@ -47,7 +47,7 @@ def eigenvalues(
     chain: Chain, q: ArrayLike, qd: ArrayLike | None = None, *, tip_wrench: ArrayLike | None = None,
     frame: Frame = "world", gains: Gains | None = None,
 ) -> Complex:  # fmt: skip
-    """Eigenvalues λ [1/s] of small motion about a state, two per free joint; prescribed joints are excluded.
+    """Eigenvalues λ [1/s] of small motion about a state, two per free joint; held joints are excluded.
 
     λ² M + λ (D + G) + K = 0 with K = ∂(T_GC + T_FL)/∂q + k_p and D = ∂T_FR/∂q̇ at rest + k_d, the gains of a drive.
     Arguments and errors as in `stable_step`.
@@ -163,7 +163,7 @@ def _stiffness_along(chain: Chain, state: LoadedState, kp: Array, φ: Array) -> 
 
 
 def _largest_ratio(chain: Chain, state: LoadedState, apply: Callable[[Array], Array]) -> float:
-    """Largest μ of A φ = μ M φ over the joints that are not prescribed; `apply` multiplies by A."""
+    """Largest μ of A φ = μ M φ over the joints that are not held; `apply` multiplies by A."""
     from scipy.sparse.linalg import LinearOperator, eigsh  # noqa: PLC0415  0.1 s; only long chains need it
 
     free, zero = np.zeros(chain.n), np.zeros(chain.n)

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.branches import base_body, branches_of, sliding_bodies
 from flexlink.chain.builder import Piece
 from flexlink.chain.chain import Chain
+from flexlink.chain.layout import base_body, branches_of, sliding_bodies
 from flexlink.chain.lumping import pieces
 from flexlink.common.types import Array, Indices
 from flexlink.describe.arm import Arm
