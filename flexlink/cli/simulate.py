@@ -38,7 +38,7 @@ from flexlink.dynamics.sensors.instrument import coarse_samples
 from flexlink.motion.evaluation_cost import machine_factor, run_cost
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.single_run import SingleRun
-from flexlink.results.files import output_format
+from flexlink.results.files import TRAJECTORY, ending
 from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError
 from flexlink.results.trajectory import Trajectory
 
@@ -84,7 +84,7 @@ def run_command(options: argparse.Namespace) -> int:
         changes["run.outputs"] = ("torques",)
     scene = varied_scene(options.scene, options, changes)
     if options.out is not None:
-        output_format(options.out)
+        ending(options.out, *TRAJECTORY)
         require_writable(options.out)
     require_picture(options.plot)
     with prefix_errors(options.scene):

@@ -44,7 +44,7 @@ def write(run: RunSamples, format: str, path: Path) -> None:
 def _arrays(run: RunSamples) -> dict[str, Any]:
     """All data of a run and, for use by other programs, its imbalance and the names of its joints."""
     chain, balanced = run.chain, run.work is not None
-    return {
+    found = {
         "t": run.t, "q": run.q, "qd": run.qd, "tau": run.drive_torques, "tip": run.tip, **vars(run.energy),
         "joints": np.array(chain.joint_names), **({"work": run.work, "imbalance": run.imbalance} if balanced else {}),
         "tip_wrench": run.tip_wrench, "warnings": np.array(run.warnings, str),
@@ -58,52 +58,28 @@ def _arrays(run: RunSamples) -> dict[str, Any]:
         "chain_links": np.array(chain.link_names), "chain_couplings": chain.couplings,
         "chain_tips": np.array([[chain.link_names.index(link), body] for link, body in chain.tips.items()]),
         **({} if chain.joints_of_links == chain.link_names else {"chain_joints": np.array(chain.joints_of_links)}),
-        **_of_shapes(chain), **_of_base(run), **_of_sensors(run),
-        **_of_stated_error(run),
     }  # fmt: skip
+    if chain.shapes is not None:
+        found |= {"chain_shapes": chain.shapes.matrix, "chain_shape_ranges": np.array(chain.shapes[1:3])}
+    if run.base is not None:
+        found |= {"attitude": run.base.attitude, "spin": run.base.spin}
+        found |= {f"momentum_{name}": value for name, value in run.base.momentum._asdict().items()}
+    if names := run.sensor_names:  # for use by other programs; a loaded run computes its readings from its scene
+        found |= {"sensors": np.array(names), "readings": np.array([run.readings[name] for name in names])}
+    if (stated := run.stated) is not None:
+        outputs, so_far = stated.outputs, np.array([stated.travelled, stated.drifting, stated.drifted])
+        found |= {
+            "error": stated.tip, "error_allowed": stated.allowed, "error_compared": stated.compared,
+            "error_outputs": np.array(list(outputs), str), "error_of_outputs": np.array(list(outputs.values())),
+            "motion_start": np.hstack(stated.start), "motion_so_far": so_far,
+        }  # fmt: skip
+        if stated.end is not None:
+            found |= {"motion_end": np.hstack(stated.end), "motion_delayed": stated.delayed}
+    return found
 
 
-def _of_shapes(chain: Chain) -> dict[str, Any]:
-    if chain.shapes is None:
-        return {}
-    matrix, first, stop, *_ = chain.shapes
-    return {"chain_shapes": matrix, "chain_shape_ranges": np.array([first, stop])}
-
-
-def _of_base(run: RunSamples) -> dict[str, Any]:
-    if run.base is None:
-        return {}
-    moving = {f"momentum_{name}": value for name, value in run.base.momentum._asdict().items()}
-    return {"attitude": run.base.attitude, "spin": run.base.spin, **moving}
-
-
-def _of_sensors(run: RunSamples) -> dict[str, Any]:
-    """Sensor readings, for use by other programs; a loaded run computes them from its scene."""
-    names = run.sensor_names
-    return {"sensors": np.array(names), "readings": np.array([run.readings[name] for name in names])} if names else {}
-
-
-def _of_stated_error(run: RunSamples) -> dict[str, Any]:
-    """The stated error, and the motion up to the end of the run; n joints give times and states of 1 + 2n numbers."""
-    if (stated := run.stated) is None:
-        return {}
-    outputs, so_far = stated.outputs, np.array([stated.travelled, stated.drifting, stated.drifted])
-    ends = {} if stated.end is None else {"motion_end": np.hstack(stated.end), "motion_delayed": stated.delayed}
-    return {
-        "error": stated.tip, "error_allowed": stated.allowed, "error_compared": stated.compared,
-        "error_outputs": np.array(list(outputs), str), "error_of_outputs": np.array(list(outputs.values())),
-        "motion_start": np.hstack(stated.start), "motion_so_far": so_far, **ends,
-    }  # fmt: skip
-
-
-def picture_format(path: Path) -> str:
-    """Format of a picture, .png, .svg or .pdf, from the extension of `path`; refuses others."""
-    return ending(path, (".png", ".svg", ".pdf"), "a picture")
-
-
-def output_format(path: Path) -> str:
-    """Format of a trajectory file, .npz or .csv, from the extension of `path`; refuses others."""
-    return ending(path, (".npz", ".csv"), "a trajectory")
+PICTURE = (".png", ".svg", ".pdf"), "a picture"
+TRAJECTORY = (".npz", ".csv"), "a trajectory"
 
 
 def ending(path: Path, allowed: tuple[str, ...], what: str) -> str:
@@ -185,11 +161,16 @@ def _fields(arrays: Mapping[str, Any]) -> dict[str, Any]:
         chain = dataclasses.replace(chain, described=lump(scene).described)
     check_chain(chain)
     check_samples(arrays, chain.n)
+    texts, base = arrays["warnings"].tolist(), None
+    ids = arrays["warning_ids"].tolist() if "warning_ids" in arrays else [""] * len(texts)  # none in older versions
+    if "attitude" in arrays:
+        momentum = Momentum(*(arrays[f"momentum_{name}"] for name in Momentum._fields))
+        base = BaseMotion(arrays["attitude"], arrays["spin"], momentum)
     return dict(
         chain=chain, **{name: arrays[name] for name in ("t", "q", "qd", "tip", "tip_wrench")},
         drive_torques=arrays["tau"], energy=Energy(arrays["kinetic"], arrays["gravity"], arrays["elastic"]),
-        work=arrays.get("work"), warnings=tuple(_warnings(arrays)), steps=convert(steps, Steps | None), scene=scene,
-        base=_base(arrays) if "attitude" in arrays else None,
+        work=arrays.get("work"), warnings=tuple(map(Diagnostic, texts, ids)), steps=convert(steps, Steps | None),
+        scene=scene, base=base,
         **({"delayed": arrays["delayed"]} if "delayed" in arrays else {}),
         stated=_stated(arrays) if "error" in arrays else None,
     )  # fmt: skip
@@ -198,9 +179,9 @@ def _fields(arrays: Mapping[str, Any]) -> dict[str, Any]:
 def _stated(arrays: Mapping[str, Any]) -> StatedError:
     """The stated error of a run, and the motion up to its end."""
     n = arrays["q"].shape[1]
-    start, end = (_state(arrays[name], n) if name in arrays else None for name in ("motion_start", "motion_end"))
-    if start is None:
-        raise KeyError("motion_start")
+    start, end = _state(arrays["motion_start"], n), None
+    if "motion_end" in arrays:
+        end = _state(arrays["motion_end"], n)
     delayed = arrays.get("motion_delayed")
     if delayed is not None:
         check_delayed(delayed)
@@ -215,18 +196,6 @@ def _state(numbers: NDArray[Any], n: int) -> State:
     if numbers.dtype != np.float64 or numbers.shape != (1 + 2 * n,) or not np.isfinite(numbers).all():
         raise ValueError(f"a state of its motion has shape {numbers.shape}; expected {1 + 2 * n} finite numbers")
     return State(float(numbers[0]), numbers[1 : 1 + n].copy(), numbers[1 + n :].copy())
-
-
-def _warnings(arrays: Mapping[str, Any]) -> Iterator[Diagnostic]:
-    """Warnings with their ids; archives of older versions contain no ids."""
-    texts: list[str] = arrays["warnings"].tolist()
-    ids: list[str] = arrays["warning_ids"].tolist() if "warning_ids" in arrays else [""] * len(texts)
-    return (Diagnostic(text, id) for text, id in zip(texts, ids, strict=True))
-
-
-def _base(arrays: Mapping[str, Any]) -> BaseMotion:
-    momentum = Momentum(*(arrays[f"momentum_{name}"] for name in Momentum._fields))
-    return BaseMotion(arrays["attitude"], arrays["spin"], momentum)
 
 
 def _chain(arrays: Mapping[str, Any]) -> Chain:

@@ -66,7 +66,7 @@ class Record:
         return self.kept("forward dynamics", None, self.problem.workspace)
 
     def begin(self) -> None:
-        """Measure the angles of a floating base from its initial attitude, in the first sample and the following steps."""
+        """Measure the angles of a floating base from its initial attitude, in the first sample and all steps."""
         if self.base is not None:
             self.base.turn(0, self.q[0], self.qd[0], self.scratch)
 
@@ -84,7 +84,7 @@ class Record:
     ) -> int:
         """Integrate to fixed step `stop`; return the number of the last step with a finite state; `go`: `integrate`.
 
-        If a floating base has turned far, its coordinates change, even at step `stop`: later steps do not depend on `stop`.
+        If a floating base has turned far, its coordinates change, even at step `stop`: later steps do not depend on it.
         """
         every, (q, qd, _), _ = rest
         done = int(go(*fixed, first, stop, self.far, *rest))

@@ -6,7 +6,6 @@ import importlib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
@@ -127,9 +126,9 @@ class Trajectory(RunSamples):
         ArgumentError
             The extension is not .npz or .csv.
         """
-        from flexlink.results.files import output_format, write  # noqa: PLC0415
+        from flexlink.results.files import TRAJECTORY, ending, write  # noqa: PLC0415
 
-        format = output_format(path)
+        format = ending(path, *TRAJECTORY)
         return lambda place: write(self, format, place)
 
     def to_pandas(self) -> Any:
@@ -343,7 +342,7 @@ class Trajectory(RunSamples):
         >>> run.plot().savefig("move.png")  # in a notebook run.plot() alone shows it
         >>> beside = run.plot(what=["tip", "tau upper [N m]"])
         """
-        figure: Figure = plotting().plot_trajectory(self, what, ax)
+        figure: Figure = drawing_module("results.plotting").plot_trajectory(self, what, ax)
         return figure
 
     def animate(
@@ -403,11 +402,6 @@ class Trajectory(RunSamples):
         wanted = room.shot(path, magnify=magnify, colour=colour, fps=fps, speed=speed, width=width)
         drawn: Path = room.animate(self, wanted, progress)
         return drawn
-
-
-def plotting() -> ModuleType:
-    """The plotting module, which needs matplotlib."""
-    return drawing_module("results.plotting")
 
 
 # Deflection: displacement of the tip due to the springs of links and gears, relative to unloaded springs.
