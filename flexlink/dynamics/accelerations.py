@@ -17,7 +17,7 @@ from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.describe.run_settings import ForwardSolver
 from flexlink.dynamics.batches import about_state, is_batch, rows
-from flexlink.dynamics.forces import all_torques, names_of, world_wrench, world_wrenches
+from flexlink.dynamics.forces import all_torques, world_wrench, world_wrenches
 from flexlink.kernels.bodies.plane import planar_workspace
 from flexlink.kernels.bodies.rne import rne_workspace
 from flexlink.kernels.forward import solvers
@@ -180,7 +180,8 @@ def _side_by_side(chains: Sequence[Chain], solver: solvers.Solver, states: Seque
 def lanes_workspace(solver: solvers.Solver, chains: Sequence[Chain]) -> Any:
     """Workspace for up to eight chains of one layout without `forces`; the last chain is repeated to fill all lanes."""
     if any(chain.forces for chain in chains):
-        raise ArgumentError(f"{chains[0].name}: {names_of(chains[0])} require chains one by one", id="chains-differ")
+        forces = ", ".join(chains[0].forces)
+        raise ArgumentError(f"{chains[0].name}: {forces} require chains one by one", id="chains-differ")
     if solver.lanes_workspace is None:
         raise ArgumentError("solver: several chains at once require solver 'articulated'", id="needs-another-argument")
     eight = [chains[min(lane, len(chains) - 1)] for lane in range(LANES)]

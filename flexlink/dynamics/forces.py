@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import beyond_float64, require_one_of, require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain, merged
-from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.batches import is_batch, rows, wrench_rows
@@ -72,7 +71,7 @@ def all_torques(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:
     if chain.forces:
         motion_torques(chain.arrays, qs, qds, found)
         if not is_finite(found.reshape(-1)):
-            raise beyond_float64(f"{names_of(chain)} of {chain.name!r}", q=qs, qd=qds)
+            raise beyond_float64(f"{', '.join(chain.forces)} of {chain.name!r}", q=qs, qd=qds)
     return found if many else found[0]
 
 
@@ -108,20 +107,6 @@ def _with(chain: Chain, names: set[str]) -> Chain:
     if len(names) == len(chain.forces):
         return chain
     return dataclasses.replace(chain, forces={name: rows for name, rows in chain.forces.items() if name in names})
-
-
-def names_of(chain: Chain) -> str:
-    """Names of a chain's force elements, for messages."""
-    return ", ".join(chain.forces)
-
-
-def refuse_forces(what: str, chain: Chain, qd: Array | None = None) -> None:
-    """Refuse force elements without a potential for a method that ignores them, unless the chain is at rest."""
-    others = [name for name in chain.forces if name not in POTENTIALS]
-    if others and (qd is None or qd.any()):
-        raise ArgumentError(
-            f"{chain.name}: {what} do not support {', '.join(others)}; leave them out", id="arguments-not-counted"
-        )
 
 
 # T_FL of a chain, its tangent stiffness, and matrices of springs and dampers with couplings and their inverse.

@@ -72,11 +72,8 @@ class Equations:
 
     def begin(self) -> None:
         """Choose the coordinates of the path and its start."""
-        start, rates, wrench, follower, free = self.acting
-        self.locked = np.ones(self.chain.n, dtype=bool)
-        self.locked[free] = False
-        self.motion = SmallMotion(self.chain, start, rates, wrench, follower, self.locked)
-        self.start = np.append(0.0, start)
+        self.motion = SmallMotion(self.chain, *self.acting)
+        self.start = np.append(0.0, self.acting.q)
 
     def posture(self, x: Array) -> Array:
         """Angles q (n,) of a point of the path."""
@@ -84,17 +81,15 @@ class Equations:
 
     def on(self, torques: Array) -> Array:
         """Torques of the joints (n,) on the coordinates of the path."""
-        return np.where(self.locked, 0.0, torques)
+        return np.where(self.motion.locked, 0.0, torques)
 
     def falls(self, x: Array) -> bool:
         """Whether an equilibrium is unstable under the full load."""
-        _, rates, wrench, follower, free = self.acting
-        return falls(self.chain, self.posture(x), rates, wrench, free, follower, self.motion)
+        return falls(self.chain, self.acting._replace(q=self.posture(x)), self.motion)
 
     def load(self, q: Array) -> Array:
         """L(q)."""
-        _, rates, wrench, follower, _ = self.acting
-        return load_torque(self.chain, q, rates, wrench, follower) - self.drive
+        return load_torque(self.chain, q, *self.acting[1:4]) - self.drive
 
     def value(self, x: Array) -> Array:
         """F(x)."""
@@ -284,9 +279,8 @@ class ShapedEquations(Equations):
 
     def prepare(self, q: Array, w: Array) -> None:
         """Compute ∂F/∂z at angles q, with the part w of the loads on each coordinate."""
-        _, rates, wrench, follower, _ = self.acting
         elastic = about(self.chain, q).matrix("stiffness")
-        whole = stiffness_matrix(self.chain, q, rates, wrench, follower)
+        whole = stiffness_matrix(self.chain, q, *self.acting[1:4])
         self.slope = self.B.T @ elastic @ self.B + w[:, None] * (self.B.T @ (whole - elastic) @ self.B)
         self.terms = self.stiffness + np.abs(w) * self.sizes
 

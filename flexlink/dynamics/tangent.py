@@ -16,7 +16,7 @@ from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.dynamics import rounding
 from flexlink.dynamics.forces import about, force_slopes, force_torque, linearised
-from flexlink.dynamics.free_motion import first_joints, restricted, sums_of_squares
+from flexlink.dynamics.free_motion import DENSE, first_joints, restricted, sums_of_squares
 from flexlink.dynamics.placement import slid_apart
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.terms import bias_torque
@@ -110,9 +110,7 @@ def load_matrices(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bo
     return found
 
 
-def tangent(
-    chain: Chain, q: Array, qd: Array, wrench: Array, free: NDArray[np.intp], follower: bool = False
-) -> Stiffness:
+def tangent(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool, free: NDArray[np.intp]) -> Stiffness:
     """`stiffness_matrix` of the coordinates `free`, with the magnitudes that bound its rounding error."""
     K = restricted(stiffness_matrix(chain, q, qd, wrench, follower), chain, free)
     load, entry = rounding.largest_load_stiffness(chain, qd, wrench), rounding.of_load_stiffness(chain)
@@ -124,22 +122,17 @@ def tangent(
     return Stiffness(K, S, conservative, len(free) * entry)
 
 
-def falls(
-    chain: Chain, q: Array, qd: Array, wrench: Array, free: NDArray[np.intp], follower: bool = False,
-    motion: SmallMotion | None = None,
-) -> bool:  # fmt: skip
-    """Return `tangent(…).falls` in O(n): from the signs of pivots if the loads have a potential, else by Arnoldi's
-    method.
+def falls(chain: Chain, state: LoadedState, motion: SmallMotion | None = None) -> bool:
+    """Return `tangent(…).falls` in O(n): by signs of pivots if the loads have a potential, else by Arnoldi's method.
 
-    `motion` is the small motion of this chain under these loads; its configuration is changed to q.
+    `motion` is the small motion of this chain under these loads; its configuration is changed to that of the state.
     """
+    q, qd, wrench, follower, free = state
     potential = has_potential(chain, wrench, follower) and not qd.any()
     if chain.shapes is not None or (not potential and len(free) <= DENSE):
-        return tangent(chain, q, qd, wrench, free, follower).falls
+        return tangent(chain, *state).falls
     if motion is None:
-        locked = np.ones(chain.n, dtype=bool)
-        locked[free] = False
-        motion = SmallMotion(chain, q, qd, wrench, follower, locked)
+        motion = SmallMotion(chain, *state)
     else:
         motion.set_position(q)
     square = np.abs(linearised(chain, q).stiffness) + rounding.largest_load_stiffness(chain, qd, wrench)
@@ -148,12 +141,8 @@ def falls(
         return motion.falling(K_ALONE, motion.rounding * square) > 0
     least = _least_eigenvalue(motion, np.sqrt(square), free)
     if np.isnan(least):
-        return tangent(chain, q, qd, wrench, free, follower).falls
+        return tangent(chain, *state).falls
     return least < -motion.rounding
-
-
-DENSE = 100
-"""Number of coordinates up to which the eigenvalues of an unsymmetric K are computed with dense matrices, in O(n³)."""
 
 
 def _least_eigenvalue(motion: SmallMotion, S: Array, free: NDArray[np.intp]) -> float:

@@ -236,10 +236,6 @@ class Subspace:
             rows, M = ((V[:, kept] / np.sqrt(μ[kept])).T @ part for part in (rows, M))
         return rows, M
 
-    def _mass(self) -> tuple[Array, Array]:
-        M = self.W @ self.MW.T
-        return M, scipy.linalg.cholesky((M + M.T) / 2, lower=True)
-
     def stiffness(self) -> Stiffness:
         """K projected on the subspace, with the magnitudes of its terms."""
         n, K, each = len(self.square), self.W @ self.KW.T, np.abs(self.W)
@@ -251,7 +247,9 @@ class Subspace:
 
     def modes(self) -> Solution:
         """Modes of the chain restricted to the subspace."""
-        return solve(*self._mass(), self.W @ self.CW.T, self.stiffness())
+        M = self.W @ self.MW.T
+        L = scipy.linalg.cholesky((M + M.T) / 2, lower=True)
+        return solve(M, L, self.W @ self.CW.T, self.stiffness())
 
     def corrections(self, λ: NDArray[np.inexact], shapes: NDArray[np.inexact]) -> NDArray[np.inexact]:
         """(K + σ C + σ² M)⁻¹ (λ² M + λ C + K) φ for each mode, relative to the largest entry of φ.
@@ -264,7 +262,8 @@ class Subspace:
             residual = residual + λ[:, None] * (shapes.T @ self.CW)
         for k, rate in enumerate(np.abs(λ)):
             self._shift(max(rate, self.least))
-            residual[k] = self._divide(residual[k])
+            real, imaginary = self.motion.solve(np.array([residual[k].real, residual[k].imag]))[0]
+            residual[k] = real + 1j * imaginary if np.iscomplexobj(residual) else real
         largest = np.abs(shapes.T @ self.W / self.motion.scales).max(axis=1, keepdims=True)
         return np.asarray(residual / self.motion.scales / largest)
 
@@ -274,10 +273,6 @@ class Subspace:
         rows[:, self.motion.locked] = 0.0
         self._shift(self.least)
         return self.motion.solve(self.motion.times_mass(rows))[0]
-
-    def _divide(self, r: NDArray[np.inexact]) -> NDArray[np.inexact]:
-        real, imaginary = self.motion.solve(np.array([r.real, r.imag]))[0]
-        return np.asarray(real + 1j * imaginary) if np.iscomplexobj(r) else real
 
     def _shift(self, σ: float, smallest: float = 0.0) -> bool:
         """Factorize K + σ C + σ² M; return whether all pivots are positive and not small compared with their rows."""

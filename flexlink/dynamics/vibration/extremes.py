@@ -50,18 +50,17 @@ def _slowest_frequency(chain: Chain, q: Array) -> float:
     return math.sqrt(square) if square > 0 else math.inf
 
 
-def fastest_frequency(chain: Chain, q: Array, stiffness: Array | None = None) -> float:
+def fastest_frequency(chain: Chain, q: Array) -> float:
     """Highest natural frequency due to springs [rad/s], from K φ = ω² M φ, estimated from below; 0 without springs.
 
-    `stiffness` is the diagonal of K; by default it is taken from the chain, as the other entries always are. The result
-    is inf if the inertia of a joint is below the rounding error.
+    It is inf if the inertia of a joint is below the rounding error.
     """
-    return fastest_of(chain, q, chain.stiffness if stiffness is None else stiffness, np.zeros(chain.n))[0]
+    return fastest_of(chain, q, chain.stiffness, np.zeros(chain.n))[0]
 
 
-def fastest_decay(chain: Chain, q: Array, damping: Array | None = None) -> float:
-    """Highest decay rate due to dampers [1/s], from D φ = δ M φ, estimated from below; `damping` is D's diagonal."""
-    return fastest_of(chain, q, np.zeros(chain.n), chain.damping if damping is None else damping)[1]
+def fastest_decay(chain: Chain, q: Array) -> float:
+    """Highest decay rate due to dampers [1/s], from D φ = δ M φ, estimated from below."""
+    return fastest_of(chain, q, np.zeros(chain.n), chain.damping)[1]
 
 
 def fastest_of(chain: Chain, q: Array, stiffness: Array, damping: Array) -> tuple[float, float]:

@@ -241,24 +241,22 @@ Found = tuple[eigenproblem.Solution, Callable[[NDArray[np.inexact]], NDArray[np.
 
 
 def _all(chain: Chain, state: LoadedState) -> Found:
-    q, qd, wrench, follower, free = state
+    q, qd, _, _, free = state
     C = restricted(gyroscopic_matrix(chain, q, qd) + damping_matrix(chain), chain, free)
     M, L = factored_mass(chain, q, free)
-    K = tangent(chain, q, qd, wrench, free, follower)
+    K = tangent(chain, *state)
 
     def load(shapes: NDArray[np.inexact]) -> NDArray[np.inexact]:
         springs = about(chain, q).matrix("stiffness")
-        return shapes[:, free] @ (stiffness_matrix(chain, q, qd, wrench, follower) - springs)[np.ix_(free, free)].T
+        return shapes[:, free] @ (stiffness_matrix(chain, *state[:4]) - springs)[np.ix_(free, free)].T
 
     return eigenproblem.solve(M, L, C, K), load, K.rounding
 
 
 def _lowest(chain: Chain, state: LoadedState, count: int) -> Found | None:
     """Return the slowest modes; None if the iteration does not converge."""
-    q, qd, wrench, follower, free = state
-    locked = np.ones(chain.n, dtype=bool)
-    locked[free] = False
-    motion, sizes = SmallMotion(chain, q, qd, wrench, follower, locked), largest_load_stiffness(chain, qd, wrench)
+    q, qd, wrench, _, free = state
+    motion, sizes = SmallMotion(chain, *state), largest_load_stiffness(chain, qd, wrench)
     diagonal, moved = (part[free] for part in motion.inertias())
     idle = ~(moved > len(free) * np.finfo(float).eps * diagonal)
     if idle.any():

@@ -116,8 +116,8 @@ def _about(chain: Chain, q: ArrayLike, qd: ArrayLike | None, tip_wrench: ArrayLi
 
 def _matrices(chain: Chain, state: LoadedState, gains: Gains | None) -> tuple[Array, Array, Array]:
     """K, D + G and M of all joints, including drive gains."""
-    q, qd, wrench, follower, _ = state
-    K, C, M = load_matrices(chain, q, qd, wrench, follower)
+    q, qd, *_ = state
+    K, C, M = load_matrices(chain, *state[:4])
     K += about(chain, q).matrix("stiffness")
     if chain.forces:
         of_angle, of_rate = force_slopes(chain, q, qd)
@@ -157,7 +157,7 @@ def _stiffness_along(chain: Chain, state: LoadedState, kp: Array, φ: Array) -> 
     if size == 0:
         return np.zeros_like(φ)
     step = NUDGE / size * φ
-    ahead, behind = (load_torque(chain, state.q + s * step, state.qd, state.wrench, state.follower) for s in (1, -1))
+    ahead, behind = (load_torque(chain, state.q + s * step, *state[1:4]) for s in (1, -1))
     held = about(chain, state.q).times("stiffness", φ) + _along(kp, φ)
     return np.asarray(held + (ahead - behind) * (size / (2 * NUDGE)))
 

@@ -190,13 +190,13 @@ def _check_steady(chain: Chain, steady: LoadedState) -> None:
 
 def _scaled_terms(chain: Chain, q: Array, steady: LoadedState) -> tuple[Array, Array, Array]:
     """T_GC, M and K of the free coordinates in a configuration, each relative to the magnitude of its terms."""
-    _, qd, wrench, follower, free = steady
+    _, qd, wrench, _, free = steady
     loads = rounding.largest_load_stiffness(chain, qd, wrench)
     stiff = np.sqrt(np.where(chain.stiffness + loads > 0, chain.stiffness + loads, 1.0))[free]
     M, block = mass_matrix(chain, q), np.ix_(free, free)
     inertia = np.sqrt(M.diagonal())[free]
-    torque = load_torque(chain, q, qd, wrench, follower) / np.where(loads > 0, loads, 1.0)
-    K = stiffness_matrix(chain, q, qd, wrench, follower)
+    torque = load_torque(chain, q, *steady[1:4]) / np.where(loads > 0, loads, 1.0)
+    K = stiffness_matrix(chain, q, *steady[1:4])
     return torque[free], M[block] / np.outer(inertia, inertia), K[block] / np.outer(stiff, stiff)
 
 

@@ -37,6 +37,7 @@ from flexlink.results.pictures.projection import (
     floor_of,
     number,
     subtitle,
+    thickest,
 )
 
 if TYPE_CHECKING:
@@ -266,9 +267,9 @@ def turned_window(projected: Projected) -> tuple[Array, list[float]]:
     found, v = np.concatenate([part.reshape(-1, 3) for part in (film.points, film.bodies, film.ball)]), view.vertical
     heights, level = found @ v, found - (found @ v)[:, None] * v
     pivot = (level.min(axis=0) + level.max(axis=0)) / 2
-    r = float(np.linalg.norm(level - pivot, axis=1).max()) + projected.thickest
+    r = float(np.linalg.norm(level - pivot, axis=1).max()) + thickest(film)
     cos_e, sin_e, room = float(view(v)[1]), float(view.axes[2] @ v), AROUND * 2 * r
-    low, high = cos_e * min(heights.min(), floor_level(film)), cos_e * (heights.max() + projected.thickest)
+    low, high = cos_e * min(heights.min(), floor_level(film)), cos_e * (heights.max() + thickest(film))
     return pivot, [-r - room, r + room, low - sin_e * r - room, high + sin_e * r + room]
 
 

@@ -55,14 +55,9 @@ class Projected:
         found = np.concatenate([part.reshape(-1, 3)[:, :2] for part in parts])
         if self.view.spatial:
             found = np.concatenate([found, self.floor.reshape(-1, 3)[:, :2]])
-        low, high = found.min(axis=0) - self.thickest, found.max(axis=0) + self.thickest
+        low, high = found.min(axis=0) - thickest(self.film), found.max(axis=0) + thickest(self.film)
         room = AROUND * max(float((high - low).max()), 1e-9)
         return Window(low[0] - room, high[0] + room, low[1] - room, high[1] + room)
-
-    @functools.cached_property
-    def thickest(self) -> float:
-        """Largest distance from the arm's line to the edge of a link, joint, base or payload [m]."""
-        return thickest(self.film)
 
     @functools.cached_property
     def floor(self) -> Array:
