@@ -84,10 +84,11 @@ SHAPES: dict[str, Callable[[Array, Array, Array, int], Array]] = {"eigenmodes": 
 the number of shapes."""
 
 
-def scaled(shapes: Array) -> Array:
-    """Divide each column by its largest entry, so that neither sign nor size depends on the eigenvalue solver."""
-    largest = np.argmax(np.abs(shapes) * (1 + 1e-9 * np.arange(len(shapes), 0, -1)[:, None]), axis=0)
-    return np.asarray(shapes / shapes[largest, np.arange(shapes.shape[1])])
+def scaled(vectors: NDArray[np.inexact]) -> NDArray[np.inexact]:
+    """Divide columns by their largest entry, or the first of several equal ones, so rounding does not affect signs."""
+    sizes, equal = np.abs(vectors), 1e-6  # rounding makes entries of equal size differ in symmetric arms
+    first = (sizes >= (1 - equal) * sizes.max(axis=0)).argmax(axis=0)
+    return np.asarray(vectors / vectors[first, np.arange(vectors.shape[1])])
 
 
 def joined(chain: Chain, parts: list[tuple[Hinges, Array]]) -> Shapes:

@@ -95,7 +95,8 @@ def inverse_dynamics_derivatives(
     wrench = world_wrench(chain, q, tip_wrench, frame)
     found = np.empty((3, n, n))
     if not all_inverse_derivatives(*chain.arrays, wrench, q, qd, qdd, found):
-        raise beyond_float64(_of("torques", chain), q=q, qd=qd, qdd=qdd, tip_wrench=wrench, gravity=chain.gravity)
+        what = f"a derivative of the torques of {chain.name!r}"
+        raise beyond_float64(what, q=q, qd=qd, qdd=qdd, tip_wrench=wrench, gravity=chain.gravity)
     if frame == "tip":
         found[0] += _of_turning(chain, q, qd, wrench, tip_wrench)
     found.setflags(write=False)
@@ -146,14 +147,13 @@ def forward_dynamics_derivatives(
     (6, 6) True
     """
     if is_batch(q, qd, tau):
-        state = {"q": q, "qd": qd, "tau": tau}
-        if require_type("chain", chain, Chain).forces or chain.shapes is not None:
-            return each(forward_dynamics_derivatives, chain, state, tip_wrench=tip_wrench, frame=frame)
-        write = functools.partial(forward_derivatives_of_many, require_type("chain", chain, Chain).arrays)
-        if chain.is_planar:
-            work = lanes_workspace(solver_for(chain, "articulated"), [chain])
-            write = functools.partial(planar_derivatives_of_many, chain.arrays, work)
-        many = _of_many(write, chain.n, state, tip_wrench, frame)
+        state, many = {"q": q, "qd": qd, "tau": tau}, None
+        if not require_type("chain", chain, Chain).forces and chain.shapes is None:
+            write = functools.partial(forward_derivatives_of_many, chain.arrays)
+            if chain.is_planar:
+                work = lanes_workspace(solver_for(chain, "articulated"), [chain])
+                write = functools.partial(planar_derivatives_of_many, chain.arrays, work)
+            many = _of_many(write, chain.n, state, tip_wrench, frame)
         if many is None:
             return each(forward_dynamics_derivatives, chain, state, tip_wrench=tip_wrench, frame=frame)
         return ForwardDerivatives(*many)
@@ -169,7 +169,8 @@ def forward_dynamics_derivatives(
         written = write(*chain.arrays, wrench, q, qd, tau, found)
     if not written:
         forward_dynamics(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame)  # raises an error if q̈ does not exist
-        raise beyond_float64(_of("accelerations", chain), q=q, qd=qd, tau=tau, tip_wrench=wrench, gravity=chain.gravity)
+        what = f"a derivative of the accelerations of {chain.name!r}"
+        raise beyond_float64(what, q=q, qd=qd, tau=tau, tip_wrench=wrench, gravity=chain.gravity)
     if frame == "tip":
         free = chain.free
         found[0] -= found[2][:, free] @ _of_turning(chain, q, qd, wrench, tip_wrench)[free]
@@ -216,7 +217,3 @@ def _of_turning(chain: Chain, q: Array, qd: Array, wrench: Array, tip_wrench: Ar
     """Contribution to ∂T_GC/∂q of a wrench that turns with the tip, shape (n, n); `wrench` is in frame 0."""
     along_tip = stiffness_matrix(chain, q, qd, wrench_vector(tip_wrench), True)
     return along_tip - stiffness_matrix(chain, q, qd, wrench, False)
-
-
-def _of(what: str, chain: Chain) -> str:
-    return f"a derivative of the {what} of {chain.name!r}"

@@ -58,11 +58,6 @@ def idle_joint(chain: Chain, q: Array) -> int:
     return int(free[np.flatnonzero(share > share.max() / 2)[-1]])
 
 
-def regular_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> Array:
-    """Return M of the free coordinates, checked as in `factored_mass`."""
-    return factored_mass(chain, q, free)[0]
-
-
 def factored_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> tuple[Array, Array]:
     """Return M of the free coordinates and L of M = L Lᵀ; refuses a coordinate without inertia.
 

@@ -128,7 +128,8 @@ def falls(chain: Chain, state: LoadedState, motion: SmallMotion | None = None) -
     `motion` is the small motion of this chain under these loads; its configuration is changed to that of the state.
     """
     q, qd, wrench, follower, free = state
-    potential = has_potential(chain, wrench, follower) and not qd.any()
+    moment = wrench[3:].any() and not chain.is_planar  # has no potential in space, as a force that turns with the tip
+    potential = not (moment or (follower and wrench[:3].any()) or qd.any())
     if chain.shapes is not None or (not potential and len(free) <= DENSE):
         return tangent(chain, *state).falls
     if motion is None:
@@ -159,12 +160,6 @@ def _least_eigenvalue(motion: SmallMotion, S: Array, free: NDArray[np.intp]) -> 
         return float(eigs(scaled, k=1, which="SR", v0=first, tol=1e-6, return_eigenvectors=False)[0].real)
     except ArpackError:
         return np.nan
-
-
-def has_potential(chain: Chain, wrench: Array, follower: bool) -> bool:
-    """Whether the tip wrench has a potential: true for a force of constant direction and, in a plane, for a moment."""
-    moment = wrench[3:].any() and not chain.is_planar
-    return not (moment or (follower and wrench[:3].any()))
 
 
 def gyroscopic_matrix(chain: Chain, q: Array, qd: Array) -> Array:

@@ -8,7 +8,6 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import require_one_of, sequence
 from flexlink.chain.coordinates import Kind
@@ -114,9 +113,9 @@ def _position(panel: Axes, run: RunSamples, points: Array, label: str) -> None:
 
 def exchanged_energy(panel: Axes, run: RunSamples) -> None:
     """Plot changes of kinetic, gravity and total energy since the start, as the zero of gravity energy is arbitrary."""
-    for name, values in (("kinetic", run.energy.kinetic), ("gravity", run.energy.gravity)):
-        panel.plot(run.t, _since_start(values), label=name)
-    panel.plot(run.t, _since_start(run.energy.total), label="total", color=INK, linestyle="--")
+    for name, style in (("kinetic", {}), ("gravity", {}), ("total", {"color": INK, "linestyle": "--"})):
+        values = np.asarray(getattr(run.energy, name))
+        panel.plot(run.t, values - values[0], label=name, **style)
     panel.set_ylabel("energy since\nthe start [J]")
 
 
@@ -165,11 +164,6 @@ def plot_modes(found: Modes, chain: Chain, count: int = 8) -> Figure:
 def _column(panel: Axes, run: Trajectory, name: str) -> None:
     """Plot a column of the run."""
     panel.plot(run.t, run.columns[name], label=name)
-
-
-def _since_start(values: ArrayLike) -> NDArray[np.float64]:
-    since: NDArray[np.float64] = np.asarray(values) - np.asarray(values)[0]
-    return since
 
 
 def _curves(panel: Axes, run: RunSamples, joints: list[int], values: Array, label: str) -> None:

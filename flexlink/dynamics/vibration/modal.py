@@ -20,6 +20,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import Kind
 from flexlink.chain.forces import refuse_states
 from flexlink.chain.layout import Joints
+from flexlink.chain.shapes import scaled
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.types import Array, Complex
 from flexlink.common.wording import short_list
@@ -227,13 +228,6 @@ def modes(
     P = np.abs(np.einsum("mi,mi->m", φ.conj(), load(shapes)))
     kinds, shares = mode_kinds(λ, φ, P, noise, held, damping_slope(chain)[free], coupled, lent[free])
     return Modes(λ, shapes, displacements(chain, q, shapes), points, rounding, kinds, shares)
-
-
-def scaled(vectors: NDArray[np.inexact]) -> NDArray[np.inexact]:
-    """Divide columns by their largest entry, or the first of several equal ones, so rounding does not affect signs."""
-    sizes, equal = np.abs(vectors), 1e-6  # rounding makes entries of equal size differ in symmetric arms
-    first = (sizes >= (1 - equal) * sizes.max(axis=0)).argmax(axis=0)
-    return np.asarray(vectors / vectors[first, np.arange(vectors.shape[1])])
 
 
 Found = tuple[eigenproblem.Solution, Callable[[NDArray[np.inexact]], NDArray[np.inexact]], float]

@@ -25,7 +25,7 @@ from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.forces import Gains, about, damping_along, damping_matrix, force_slopes, turns_with_tip
 from flexlink.dynamics.free_motion import DENSE, restricted
 from flexlink.dynamics.rounding import EPS, scales
-from flexlink.dynamics.singularity import regular_mass
+from flexlink.dynamics.singularity import factored_mass
 from flexlink.dynamics.tangent import LoadedState, load_matrices, load_torque
 from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.dynamics.vibration.eigenproblem import first_order_matrix
@@ -130,7 +130,7 @@ def _matrices(chain: Chain, state: LoadedState, gains: Gains | None) -> tuple[Ar
 
 
 def _all_eigenvalues(chain: Chain, state: LoadedState, gains: Gains | None) -> Complex:
-    M = regular_mass(chain, state.q, state.free)
+    M, _ = factored_mass(chain, state.q, state.free)
     K, C = (restricted(A, chain, state.free) for A in _matrices(chain, state, gains)[:2])
     if C.any() or np.abs(K - K.T).max(initial=0.0) > 1e-12 * np.abs(K).max(initial=0.0):  # rounding error of K
         values: Complex = scipy.linalg.eigvals(first_order_matrix(M, C, K))
