@@ -335,7 +335,11 @@ def _add_line(
     """Add the part between a link's joint and its end: the beam, and the end body."""
     start, length, frame = link.beam
     builder.move(start)
-    _add_root(builder, link, number)
+    if link.root_springs:  # about axes of the link's frame
+        builder.start_body(section=frame)
+    for axis, (stiffness, damping) in link.root_springs.items():
+        turned = ROOT_AXES.index(axis)
+        builder.add_hinge(Kind.ROOT.at(number, axis=turned), turned, stiffness, damping)
     builder.turn(frame)
     springs: list[Springs | Slides] = []
     if beam is None:
@@ -353,13 +357,3 @@ def _end_turn(link: Link) -> Array:
     """Rotation from axes of a link's end frame to axes of the link: Rx(α) of a standard row, else none."""
     row = link.dh
     return about_axis_deg(0, row.alpha_deg) if row is not None and row.convention == "standard" else HERE.R
-
-
-def _add_root(builder: Builder, link: Link, number: int) -> None:
-    """Add springs at the root of the beam, about axes of the link's frame."""
-    if not link.root_springs:
-        return
-    builder.start_body(section=link.beam.frame)
-    for axis, (stiffness, damping) in link.root_springs.items():
-        turned = ROOT_AXES.index(axis)
-        builder.add_hinge(Kind.ROOT.at(number, axis=turned), turned, stiffness, damping)

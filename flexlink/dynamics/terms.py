@@ -75,25 +75,21 @@ def inverse_dynamics(
     >>> print(torque.round(2) + 0.0)  # N m; equilibrium: zero at hinges with springs
     [77.6   0.    0.   30.31  0.    0.  ]
     """
-    if is_batch(q, qd, qdd):
-        return _inverse_dynamics_of_many(chain, {"q": q, "qd": qd, "qdd": qdd}, tip_wrench, frame)
     n = require_type("chain", chain, Chain).n
+    if is_batch(q, qd, qdd):
+        state = {"q": q, "qd": qd, "qdd": qdd}
+        many = rows(n, state)
+        wrenches = world_wrenches([chain], many[0], tip_wrench, frame)
+        found: Array = inverse_dynamics_of_many(chain.arrays, wrenches, *many)
+        if is_finite(found.reshape(-1)):
+            return found
+        return each(inverse_dynamics, chain, state, tip_wrench=tip_wrench, frame=frame)  # its error names the state
     q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
     wrench = world_wrench(chain, q, tip_wrench, frame)
     tau: Array = inverse_dynamics_kernel(chain.arrays, wrench, q, qd, qdd)
     if not is_finite(tau):
         raise beyond_float64(_at("torque", chain, tau), q=q, qd=qd, qdd=qdd, tip_wrench=wrench, gravity=chain.gravity)
     return tau
-
-
-def _inverse_dynamics_of_many(
-    chain: Chain, state: dict[str, ArrayLike], tip_wrench: ArrayLike | None, frame: Frame
-) -> Array:
-    many = rows(require_type("chain", chain, Chain).n, state)
-    tau: Array = inverse_dynamics_of_many(chain.arrays, world_wrenches([chain], many[0], tip_wrench, frame), *many)
-    if is_finite(tau.reshape(-1)):
-        return tau
-    return each(inverse_dynamics, chain, state, tip_wrench=tip_wrench, frame=frame)  # its error names the state
 
 
 def _at(what: str, chain: Chain, values: Array) -> str:

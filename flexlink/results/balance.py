@@ -63,14 +63,11 @@ class Balance:
         self, first: int, stop: int, samples: tuple[Array, ...], allowance: Allowance = NOTHING
     ) -> tuple[int, int]:
         """Check samples by `look_at`; return the index of the first invalid one (or `stop`) and its fault (WRONG)."""
-        row, wrong = self._code(samples)(first, stop, samples, self.chain.hinges, self.bounds, allowance, self.seen)
+        row, wrong = self.compile(samples)(first, stop, samples, self.chain.hinges, self.bounds, allowance, self.seen)
         return row, wrong
 
-    def compile(self, samples: tuple[Array, ...]) -> None:
+    def compile(self, samples: tuple[Array, ...]) -> Callable[..., tuple[int, int]]:
         """Compile the check for samples in arrays of these types."""
-        self._code(samples)
-
-    def _code(self, samples: tuple[Array, ...]) -> Callable[..., tuple[int, int]]:
         of_these = 0, 0, samples, self.chain.hinges, self.bounds, NOTHING, self.seen
         code: Callable[..., tuple[int, int]] = self.kept(
             "look", None, lambda: direct(look_at, *of_these, types=self.kept.types)

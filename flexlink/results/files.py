@@ -6,7 +6,7 @@ import dataclasses
 import importlib
 import json
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -203,13 +203,15 @@ def _chain(arrays: Mapping[str, Any]) -> Chain:
     if "parent" not in (arrays["chain_bodies"].dtype.names or ()):  # from an older version, without branches
         bodies["parent"] = np.arange(len(bodies))
         bodies["loaded"][-1] = 1
+    found = {name: arrays.get(f"chain_{name}", ()) for name in FORCES if name != "couplings"}
+    forces = {name: _records(rows, FORCES[name]) for name, rows in found.items() if len(rows)}
     tips = arrays.get("chain_tips", np.array([[len(links) - 1, len(bodies) - 1]]))
     chain = Chain(
         name=str(arrays["chain_name"]), bodies=bodies, hinges=_records(arrays["chain_hinges"], HINGE),
         gravity=np.ascontiguousarray(arrays["chain_gravity"]),
         coordinates=tuple(Coordinate(*row) for row in arrays["chain_coordinates"].tolist()), link_names=tuple(links),
         couplings=_records(arrays.get("chain_couplings", np.zeros(0, COUPLING)), COUPLING),
-        tips={links[link]: body for link, body in tips.tolist()}, forces=dict(_forces(arrays)),
+        tips={links[link]: body for link, body in tips.tolist()}, forces=forces,
         described=_records(arrays.get("chain_described", np.zeros(0, DESCRIBED)), DESCRIBED),
         joints_of_links=tuple(arrays["chain_joints"].tolist()) if "chain_joints" in arrays else (),
     )  # fmt: skip
@@ -223,13 +225,6 @@ def _shapes(chain: Chain, arrays: Mapping[str, Any]) -> Shapes:
     if not (within and (stop <= Φ.shape[1]).all() and np.isfinite(Φ).all()):
         raise ValueError("its chain's shapes do not match its hinges")
     return shapes_of(chain, Φ, first.copy(), stop.copy())
-
-
-def _forces(arrays: Mapping[str, Any]) -> Iterator[tuple[str, NDArray[np.void]]]:
-    """Force elements of the chain, if any, without couplings."""
-    for name, dtype in FORCES.items():
-        if name != "couplings" and len(rows := arrays.get(f"chain_{name}", ())):
-            yield name, _records(rows, dtype)
 
 
 def _records(rows: NDArray[np.void], dtype: np.dtype[np.void]) -> NDArray[np.void]:
@@ -290,8 +285,11 @@ def check_chain(chain: Chain) -> None:
                 raise ValueError(f"its chain's {part} have a {name} that is not finite")
     if chain.gravity.shape != (3,) or chain.gravity.dtype != np.float64 or not np.isfinite(chain.gravity).all():
         raise ValueError("its chain's gravity is not three finite numbers")
-    known = [_names_a_joint(coordinate, len(chain.link_names)) for coordinate in chain.coordinates]
-    if len(known) != chain.n or not all(known):
+    indices = [index for coordinate in chain.coordinates for index in coordinate]
+    known = all(type(index) is int and index >= 0 for index in indices) and all(
+        c.link <= len(chain.link_names) and c.known is not None for c in chain.coordinates
+    )
+    if len(chain.coordinates) != chain.n or not known:
         raise ValueError("its chain's coordinates do not match its hinges and links")
     if len(chain.joints_of_links) != len(chain.link_names):
         raise ValueError("its chain's names of joints do not match its links")
@@ -299,11 +297,6 @@ def check_chain(chain: Chain) -> None:
     for part, good in ({"bodies": _is_tree(chain)} | belong).items():
         if not good:
             raise ValueError(f"its chain's {part} do not belong together")
-
-
-def _names_a_joint(coordinate: Coordinate, links: int) -> bool:
-    whole = all(type(index) is int for index in coordinate)
-    return whole and 0 <= coordinate.link <= links and coordinate.segment >= 0 and coordinate.known is not None
 
 
 def _is_tree(chain: Chain) -> bool:

@@ -40,7 +40,8 @@ def signal_of(sensor: Sensor, scene: Scene, run: Samples) -> Array:
     if sensor.kind == "strain":
         return gauge_strain(sensor, scene, run.q)[None]
     if sensor.kind in OF_THE_DRIVE:
-        k, seen = joint_of(sensor, run.chain, scene), run.q if sensor.kind == "joint" else run.tau
+        k = joint_of(sensor, run.chain, scene)
+        seen: Array = run.q if sensor.kind == "joint" else run.tau
         return seen[None, :, k] / (sensor.torque_constant or 1.0)
     body, point, axes = placement_of(sensor, scene)
     qdd = run.qdd if sensor.kind == "accelerometer" else np.zeros_like(run.q)

@@ -222,7 +222,9 @@ def modes(
     shapes = scaled(expanded(vectors, chain, free).T).T
     points = frames(chain, q).points
     springs, φ = linearised(chain, q), shapes[:, free]
-    coupled, held = _coupled_energy(springs, λ, shapes), springs.stiffness[free]
+    pairs, held = springs.couplings, springs.stiffness[free]
+    together = 2 * (shapes[:, pairs["inner"]].conj() * shapes[:, pairs["outer"]]).real
+    coupled = together @ pairs["stiffness"] + np.abs(λ) * (together @ pairs["damping"])
     square = np.abs(held) + largest_load_stiffness(chain, rates, wrench)[free]
     noise = entry * (np.abs(φ) ** 2 @ np.where(square > 0, square, 1.0))
     P = np.abs(np.einsum("mi,mi->m", φ.conj(), load(shapes)))
@@ -266,13 +268,6 @@ def _lowest(chain: Chain, state: LoadedState, count: int) -> Found | None:
         return np.asarray(real + 1j * imaginary)
 
     return found._replace(shapes=found.shapes[free]), load, motion.rounding
-
-
-def _coupled_energy(chain: Chain, λ: Complex, shapes: NDArray[np.inexact]) -> Array:
-    """Σ 2 (K_ij + |λ| D_ij) Re φ̄_i φ_j over all couplings, for mode shapes (modes, n)."""
-    pairs = chain.couplings
-    together = 2 * (shapes[:, pairs["inner"]].conj() * shapes[:, pairs["outer"]]).real
-    return np.asarray(together @ pairs["stiffness"] + np.abs(λ) * (together @ pairs["damping"]))
 
 
 def natural_frequencies(
