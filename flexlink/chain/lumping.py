@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from flexlink.chain.arguments import require_type
 from flexlink.chain.beam_hinges import Springs, add_beam
-from flexlink.chain.beam_slides import Slides
 from flexlink.chain.beams import SectionBeam, TableBeam
 from flexlink.chain.builder import Builder, Piece, described, record_inertia, recorded
 from flexlink.chain.chain import Chain
@@ -185,7 +184,7 @@ class Frame:
     hinges: Records
     couplings: Records
     builder: Builder
-    springs: tuple[Springs | Slides, ...]
+    springs: tuple[Springs, ...]
     chain: Chain  # the latest chain built from the frame; its cached layout data are reused
 
     @property
@@ -211,7 +210,7 @@ def _framed(scene: Scene, beams: Sequence[SectionBeam | TableBeam | None]) -> Fr
     """Build bodies, hinges and pieces, from the base outward to the tip frames."""
     arm, builder, initial = scene.arm, Builder(), scene.initial
     moved = {arm.number(motion.link) for motion in scene.motion}
-    springs: list[Springs | Slides] = []
+    springs: list[Springs] = []
     ends, tips = {}, {}
     placed, ends_of_arm = hinges_of(arm), arm.tips
     with np.errstate(all="ignore"):  # `_finished` refuses such values by name
@@ -331,7 +330,7 @@ def _add_lags(builder: Builder, arm: Arm) -> None:
 
 def _add_line(
     builder: Builder, link: Link, number: int, beam: SectionBeam | TableBeam | None, nodes: Array, weights: Array
-) -> list[Springs | Slides]:
+) -> list[Springs]:
     """Add the part between a link's joint and its end: the beam, and the end body."""
     start, length, frame = link.beam
     builder.move(start)
@@ -341,7 +340,7 @@ def _add_line(
         turned = ROOT_AXES.index(axis)
         builder.add_hinge(Kind.ROOT.at(number, axis=turned), turned, stiffness, damping)
     builder.turn(frame)
-    springs: list[Springs | Slides] = []
+    springs: list[Springs] = []
     if beam is None:
         builder.advance(number, (0.0, 1.0), np.array([length, 0, 0]))
     else:
