@@ -369,9 +369,6 @@ OF_LAYOUT = [name for name, value in vars(Layout).items() if isinstance(value, f
 """Names of cached properties that chains of the same layout share."""
 
 
-# Branches of an arm, which are serial chains of bodies, and sums along them.
-
-
 class Branch(NamedTuple):
     """Consecutive bodies, indexed from 0, each the parent of the next, and the parent of the first one."""
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import scipy
@@ -84,7 +85,7 @@ SHAPES: dict[str, Callable[[Array, Array, Array, int], Array]] = {"eigenmodes": 
 the number of shapes."""
 
 
-def scaled(vectors: NDArray[np.inexact]) -> NDArray[np.inexact]:
+def scaled(vectors: NDArray[Any]) -> NDArray[Any]:
     """Divide columns by their largest entry, or the first of several equal ones, so rounding does not affect signs."""
     sizes, equal = np.abs(vectors), 1e-6  # rounding makes entries of equal size differ in symmetric arms
     first = (sizes >= (1 - equal) * sizes.max(axis=0)).argmax(axis=0)

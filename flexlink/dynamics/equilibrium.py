@@ -168,9 +168,6 @@ def known_decimals(chain: Chain, q: Array, free: NDArray[np.intp], qd: Array, wr
     return [(i, math.ceil(math.log10(min(k[i] / open_[i], 1e300)))) for i in sprung.tolist()]
 
 
-# Equilibria of a chain for a sequence of driven-joint angles, as needed for static feed-forward.
-
-
 POSTURES = Memo(64)
 """Cache of static equilibria, shared by the runs of one scene when they start."""
 
@@ -206,9 +203,6 @@ def static_postures(chain: Chain, angles: Array) -> Array:
         bent = postures[:, i] - chain.rest[i]
         postures[:, i] = chain.rest[i] + [round(each, decimals) for each in bent.tolist()]
     return postures
-
-
-# Linear buckling: multiples of the present load at which an arm loses its stiffness.
 
 
 def buckling_loads(

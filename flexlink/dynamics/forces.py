@@ -109,9 +109,6 @@ def _with(chain: Chain, names: set[str]) -> Chain:
     return dataclasses.replace(chain, forces={name: rows for name, rows in chain.forces.items() if name in names})
 
 
-# T_FL of a chain, its tangent stiffness, and matrices of springs and dampers with couplings and their inverse.
-
-
 def spring_torque(chain: Chain, q: Array) -> Array:
     """Return T_FL at angles q (n,), shape (n,) [N m]."""
     torque = chain.times("stiffness", q - chain.rest)
@@ -200,9 +197,6 @@ def deflections(chain: Chain, torques: Array) -> Array:
     give_way(chain.arrays, sprung, held)
     angles[..., sprung] = held.reshape(*torques.shape[:-1], len(sprung))
     return angles
-
-
-# What acts on an arm besides gravity: the tip wrench in axes of frame 0, and the gains of a drive.
 
 
 class Gains(NamedTuple):

@@ -251,9 +251,6 @@ def _idle(link: Link) -> Iterator[tuple[str, object, str]]:
                 yield f"joint.{key}", value, f"the joint of {link.name!r} is locked"
 
 
-# Notes on a scene whose start is probably not what was intended; each names the cause and the remedy.
-
-
 VISIBLE_DROP = 1e-4
 """Smallest drop of the tip that is reported, relative to the size of the arm."""
 MAX_JOINTS = 300

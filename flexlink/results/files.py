@@ -134,10 +134,6 @@ def _package(name: str) -> Any:
         ) from None
 
 
-# Read a run that `Trajectory.save` has written, identical bit for bit.
-#
-# Checks of a saved run: finite numbers, shapes that match its samples and joints, and a consistent chain.
-#
 # Kernels do not check the indices in a chain; a wrong index would make them read unrelated memory.
 
 

@@ -404,9 +404,6 @@ class Trajectory(RunSamples):
         return drawn
 
 
-# Deflection: displacement of the tip due to the springs of links and gears, relative to unloaded springs.
-
-
 def deflections(run: Trajectory) -> Array:
     """Deflection of the tip due to the springs, at every sample of a run [m]."""
     unmoved = np.empty(run.tip.shape)

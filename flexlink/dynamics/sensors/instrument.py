@@ -135,9 +135,6 @@ class Readings:
         return dict(zip(self.names, shown, strict=True))
 
 
-# Result columns with the sensor readings of a scene at the samples of a run.
-
-
 def _shown(sensor: Sensor, scene: Scene, t: Array, signal: Array) -> Array:
     instrument = Instrument(sensor, scene.run.spacing)
     instrument.signal.add(t, signal)

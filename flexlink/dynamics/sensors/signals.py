@@ -124,9 +124,6 @@ def gauge_slope(sensor: Sensor, scene: Scene, chain: Chain, q: Array) -> Array:
     return np.asarray((8 * (near - nearer) - (far - farther)) / (12 * nudge))
 
 
-# Placement of a sensor: its body, its position there, and the directions that it measures.
-
-
 def placement_of(sensor: Sensor, scene: Scene) -> tuple[int, Array, Array]:
     """Where a sensor of point motion is placed on the lumped arm, and the directions that it measures.
 

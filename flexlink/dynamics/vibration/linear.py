@@ -230,9 +230,6 @@ def _checked(outputs: object) -> list[str | OutputSource]:
     return wanted
 
 
-# Poles of an arm under PD control of its joints, to which input shapers are tuned.
-
-
 def pd_poles(
     chain: Chain, q: ArrayLike, *, kp: ArrayLike, kd: ArrayLike, tip_wrench: ArrayLike | None = None
 ) -> Complex:

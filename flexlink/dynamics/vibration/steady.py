@@ -200,9 +200,6 @@ def _scaled_terms(chain: Chain, q: Array, steady: LoadedState) -> tuple[Array, A
     return torque[free], M[block] / np.outer(inertia, inertia), K[block] / np.outer(stiff, stiff)
 
 
-# The arm at rest with its driven joints held: its sag, its modes, and its first elastic frequency.
-
-
 def rest_of(chain: Chain, q: Array, *, tip_wrench: ArrayLike | None = None, frame: Frame = "world") -> Equilibrium:
     """Static equilibrium with the driven joints held at their angles in q (n,) [rad]; errors as in `solve_static`."""
     held = chain.active.tolist()

@@ -149,9 +149,6 @@ def _write(film: Film, format: str, place: Path, width: int, report: Progress) -
         write_gif(place, images(), like, round(1000 / film.fps))
 
 
-# Frames as a GIF by Pillow, which comes with matplotlib, or as a video by ffmpeg.
-
-
 Image = NDArray[np.uint8]
 
 
@@ -215,9 +212,6 @@ def _fed(command: list[str], images: Iterable[Image], output: IO[bytes]) -> int:
             with contextlib.suppress(BrokenPipeError):
                 process.stdin.close()
     return process.returncode
-
-
-# A film as one HTML page with data and player, which needs only a browser.
 
 
 def page(film: Film, width: int) -> str:

@@ -191,9 +191,6 @@ def nice(length: float) -> float:
     return float(next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= length * (1 - 1e-9)))
 
 
-# Texts in the pictures of a film; these texts are the same in all formats.
-
-
 def subtitle(film: Film) -> str:
     """Magnification of the deflections, and speed of the film."""
     scale = "deflections true to scale" if film.magnify == 1 else f"deflections × {film.magnify:g}"
