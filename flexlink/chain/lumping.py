@@ -102,9 +102,8 @@ Records = NDArray[np.void]
 
 def _numbers(frame: Frame, arms: Sequence[Arm]) -> tuple[Records, Records, Records]:
     """Bodies, hinges and couplings of arms that share a frame, (b, …) each."""
-    bodies, hinges, couplings = (
-        np.repeat(rows[None], len(arms), axis=0) for rows in (frame.bodies, frame.hinges, frame.couplings)
-    )
+    bare = frame.bare.bodies, frame.bare.hinges, frame.bare.couplings
+    bodies, hinges, couplings = (np.repeat(rows[None], len(arms), axis=0) for rows in bare)
     with np.errstate(all="ignore"):  # `_finished` refuses such values by name
         for springs in frame.springs:
             springs.write(arms, hinges, couplings)
@@ -180,9 +179,7 @@ def pieces(scene: Scene) -> list[Piece]:
 class Frame:
     """Chain data of an arm before its payload and the springs of its beams are added."""
 
-    bodies: Records
-    hinges: Records
-    couplings: Records
+    bare: Chain
     builder: Builder
     springs: tuple[Springs, ...]
     chain: Chain  # the latest chain built from the frame; its cached layout data are reused
@@ -239,7 +236,7 @@ def _framed(scene: Scene, beams: Sequence[SectionBeam | TableBeam | None]) -> Fr
         joints_of_links=arm.joint_names, couplings=np.array(builder.couplings, dtype=COUPLING), tips=tips,
         described=described(builder.bodies[1:]),
     )  # fmt: skip
-    return Frame(chain.bodies, chain.hinges, chain.couplings, builder, tuple(springs), chain)
+    return Frame(chain, builder, tuple(springs), chain)
 
 
 def _beam_of(arm: Arm, link: Link) -> SectionBeam | TableBeam | None:

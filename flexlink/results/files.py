@@ -8,6 +8,7 @@ import json
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
+from types import ModuleType
 from typing import Any, TypeVar
 
 import numpy as np
@@ -82,6 +83,20 @@ PICTURE = (".png", ".svg", ".pdf"), "a picture"
 TRAJECTORY = (".npz", ".csv"), "a trajectory"
 
 
+def imported(name: str, needs: str, extra: str) -> ModuleType:
+    """Import a module that is needed only here; `extra` is the part of flexlink that installs what it needs."""
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise MissingDependencyError(
+            f"{needs} install it with: {how_to_install(extra)}", id="package-missing"
+        ) from None
+
+
+def _package(name: str) -> Any:
+    return imported(name, f"a run as a table of {name} needs {name};", "tables")
+
+
 def ending(path: Path, allowed: tuple[str, ...], what: str) -> str:
     """Suffix of a file to write, which must be allowed."""
     if path.suffix not in allowed:
@@ -122,16 +137,6 @@ def to_xarray(run: RunSamples) -> Any:
         },
         attrs={"name": run.chain.name, "warnings": "\n".join(run.warnings)},
     )  # fmt: skip
-
-
-def _package(name: str) -> Any:
-    try:
-        return importlib.import_module(name)
-    except ImportError:
-        raise MissingDependencyError(
-            f"a run as a table of {name} needs {name}; install it with: {how_to_install('tables')}",
-            id="package-missing",
-        ) from None
 
 
 # Kernels do not check the indices in a chain; a wrong index would make them read unrelated memory.

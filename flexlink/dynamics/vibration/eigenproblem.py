@@ -34,6 +34,11 @@ class Solution(NamedTuple):
     rounding: Array
 
 
+def too_large(what: str) -> ArgumentError:
+    """Return the error for matrices with which some numbers are beyond float64."""
+    return ArgumentError(f"stiffness, damping, loads or rates are so large that {what} overflow float64", id="overflow")
+
+
 class _Modes(NamedTuple):
     """Modes of K φ = μ M φ with the symmetric part of K; μ = −λ² in ascending order; Φᵀ M Φ = 1."""
 
@@ -49,9 +54,7 @@ def solve(M: Array, L: Array, C: Array, stiffness: Stiffness) -> Solution:
     M = L Lᵀ is the mass matrix, C the damping and gyroscopic matrix, (n, n).
     """
     if not all(np.isfinite(part).all() for part in (stiffness.K, stiffness.S, C)):
-        raise ArgumentError(
-            "stiffness, damping, loads or rates are so large that numbers overflow float64", id="overflow"
-        )
+        raise too_large("numbers")
     modes = _conservative(M, L, stiffness)
     K = stiffness.K
     without_potential = np.zeros_like(K) if stiffness.conservative else (K - K.T) / 2
@@ -145,9 +148,7 @@ def _first_order(modes: _Modes, C: Array, without_potential: Array) -> Solution:
     A[y[:m], x] -= μ[:m] / s
     A[x, y[:m]] = s
     if not np.isfinite(A).all():
-        raise ArgumentError(
-            "stiffness, damping, loads or rates are so large that accelerations overflow float64", id="overflow"
-        )
+        raise too_large("accelerations")
     λ, right, rounding = _eigenvalues(A)
     if modes.falling == 0 and not without_potential.any() and _dissipative(C):
         λ.real, rounding = np.minimum(λ.real, 0.0), np.zeros(len(λ))  # the energy ½ ȧ² + ½ μ a² ≥ 0 never grows
@@ -178,9 +179,7 @@ def first_order_matrix(M: Array, C: Array, K: Array) -> Array:
     lower = [-scipy.linalg.cho_solve((L, True), right, check_finite=False) for right in (K, C)]
     A = np.block([[np.zeros_like(M), np.eye(len(M))], lower])
     if not np.isfinite(A).all():
-        raise ArgumentError(
-            "stiffness, damping, loads or rates are so large that accelerations overflow float64", id="overflow"
-        )
+        raise too_large("accelerations")
     return A
 
 

@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array, Complex
 from flexlink.describe.actions import Frame
 from flexlink.describe.schemes import methods
@@ -28,7 +27,7 @@ from flexlink.dynamics.rounding import EPS, scales
 from flexlink.dynamics.singularity import factored_mass
 from flexlink.dynamics.tangent import LoadedState, load_matrices, load_torque
 from flexlink.dynamics.terms import inverse_dynamics
-from flexlink.dynamics.vibration.eigenproblem import first_order_matrix
+from flexlink.dynamics.vibration.eigenproblem import first_order_matrix, too_large
 from flexlink.dynamics.vibration.extremes import inertia_alone
 from flexlink.dynamics.vibration.stability_function import stable_half_disc, stable_reach
 from flexlink.kernels.tools.finite import is_finite
@@ -145,9 +144,7 @@ def _squares(K: Array, M: Array) -> Array:
         return np.zeros(0)
     squares, _, failed = scipy.linalg.lapack.dsygvd(K, M, jobz="N", uplo="L")
     if failed or not is_finite(squares):
-        raise ArgumentError(
-            "stiffness, damping, loads or rates are so large that numbers overflow float64", id="overflow"
-        )
+        raise too_large("numbers")
     return np.asarray(squares)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import contextlib
 import html
-import importlib
 import json
 import re
 import shutil
@@ -21,12 +20,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import integer, positive, require_callable, require_one_of
-from flexlink.common.errors import EngineError, MissingDependencyError, how_to_install
+from flexlink.common.errors import EngineError, MissingDependencyError
 from flexlink.common.interruption import StoppedError, deferred, word
 from flexlink.common.output import write_or_keep
 from flexlink.common.types import Array
 from flexlink.data.documents import require_path
-from flexlink.results.files import ending
+from flexlink.results.files import ending, imported
 from flexlink.results.pictures.colouring import STOPS, UNKNOWN, Colour
 from flexlink.results.pictures.film import Film, film_of
 from flexlink.results.pictures.projection import (
@@ -120,13 +119,7 @@ def require_film(path: Path) -> None:
 
 
 def _drawing() -> ModuleType:
-    try:
-        return importlib.import_module("flexlink.results.pictures.drawing")
-    except ImportError:
-        raise MissingDependencyError(
-            f"a film needs matplotlib; use .html, or install it with: {how_to_install('report')}",
-            id="package-missing",
-        ) from None
+    return imported("flexlink.results.pictures.drawing", "a film needs matplotlib; use .html, or", "report")
 
 
 def _write(film: Film, format: str, place: Path, width: int, report: Progress) -> None:
