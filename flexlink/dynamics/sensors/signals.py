@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,15 +26,6 @@ Samples = Any
 """The samples of a run: an object with `RunSamples`' chain, t, q, qd, tau and, for accelerometers, qdd."""
 
 
-class Slopes(NamedTuple):
-    """Derivatives of signals (columns,) with respect to q, q̇, q̈ and drive torques, each of shape (columns, n)."""
-
-    q: Array
-    qd: Array
-    qdd: Array
-    tau: Array
-
-
 def signal_of(sensor: Sensor, scene: Scene, run: Samples) -> Array:
     """Ideal signal of a sensor at the samples of a run, in SI units and radians, shape (columns, samples)."""
     if sensor.kind == "strain":
@@ -54,22 +45,17 @@ def joint_of(sensor: Sensor, chain: Chain, scene: Scene) -> int:
     return chain.index(scene.arm.number(sensor.link), 0, 0)
 
 
-def slopes_of(sensor: Sensor, scene: Scene, chain: Chain, q: Array, qd: Array, qdd: Array) -> Slopes:
-    """Derivatives of `signal_of` at a state (n,); errors as in `signal_of`."""
+def slopes_of(sensor: Sensor, scene: Scene, chain: Chain, q: Array, qd: Array, qdd: Array) -> dict[str, Array]:
+    """Derivatives of `signal_of` at a state by q, q̇, q̈ and drive torques, "q", "qd", "qdd", "tau", if not 0."""
     if sensor.kind == "strain":
-        return _slopes(chain.n, q=gauge_slope(sensor, scene, chain, q)[None])
+        return {"q": gauge_slope(sensor, scene, chain, q)[None]}
     if sensor.kind in OF_THE_DRIVE:
         selected = np.zeros((1, chain.n))
         selected[0, joint_of(sensor, chain, scene)] = 1.0 / (sensor.torque_constant or 1.0)
-        return _slopes(chain.n, **{"q" if sensor.kind == "joint" else "tau": selected})
+        return {"q" if sensor.kind == "joint" else "tau": selected}
     body, point, axes = placement_of(sensor, scene)
     parts = point_slopes(chain, q, qd, qdd, body, point)[sensor.kind]
-    return _slopes(chain.n, **{name: axes @ part for name, part in zip(Slopes._fields, parts, strict=False)})
-
-
-def _slopes(n: int, **parts: Array) -> Slopes:
-    columns = len(next(iter(parts.values())))
-    return Slopes(*(parts.get(name, np.zeros((columns, n))) for name in Slopes._fields))
+    return {name: axes @ part for name, part in zip(("q", "qd", "qdd"), parts, strict=False)}
 
 
 # A strain gauge: strain from a cubic through the nearest hinges, and its derivative with respect to the angles.
