@@ -17,15 +17,12 @@ from flexlink.kernels.layout import BODY
 
 
 class Piece(NamedTuple):
-    """A straight piece of a link between two of its hinges, along x, for pictures of an arm.
-
-    `place` is the pose of its start in a body, counted from 1 in the order of `chain.bodies`; 0 is the fixed base.
-    """
+    """A straight piece of a link between two of its hinges, along x, for pictures of an arm."""
 
     link: int  # from 1
     part: tuple[float, float]  # start and end, relative to the link's length
-    body: int
-    place: Pose
+    body: int  # from 1 in the order of `chain.bodies`; 0 is the fixed base
+    place: Pose  # pose of its start in the body
     end: Array  # end from the start, along x [m]
 
     @property

@@ -60,10 +60,7 @@ def cell_constants(beam: TableBeam, cells: Cells, count: int) -> Array:
 
 
 def curvatures(beam: TableBeam, rule: LumpingRule, hinges: tuple[Array, Array], angles: Array) -> Array:
-    """κ = M/EI about X, Y and Z at hinges, or at Gauss points of cells, from angles (…, N) about one axis [rad/m].
-
-    Shape (3, …, N); the result for each axis treats the angles as angles about this axis.
-    """
+    """κ = M/EI about X, Y and Z at hinges, or Gauss points of cells, (3, …, N), for angles (…, N) about this axis."""
     nodes, weights = hinges
     if rule.cells is None:
         return np.asarray(

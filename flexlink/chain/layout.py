@@ -413,10 +413,7 @@ def of_parents(chain: Layout, values: Array, of_base: Array) -> Array:
 
 
 def branches_of(chain: Layout) -> list[list[int]]:
-    """Numbers, from 1, of the bodies of every branch; a branch comes after its parent's branch; 0 is the fixed base.
-
-    An unbranched arm is one branch from 0 to its tip frame; with a floating base it begins at that base.
-    """
+    """Numbers, from 1, of the bodies of every branch, each after its parent's branch; 0 is the fixed base."""
     base = base_body(chain)
     spans = [span._replace(first=max(base, span.first)) for span in spans_of(chain.bodies) if span.stop > base]
     return [[int(chain.bodies["parent"][first]), *range(first + 1, stop + 1)] for _, first, stop in spans]

@@ -185,10 +185,7 @@ def _static_posture(chain: Chain, q: Array, wrench: Array, frame: Frame) -> Arra
 
 
 def static_postures(chain: Chain, angles: Array) -> Array:
-    """Equilibria (rows, n) of a chain under gravity with its driven joints held at angles (rows, driven) [rad].
-
-    Newton's method finds each equilibrium from the previous one; where it does not converge, `solve_static` is used.
-    """
+    """Equilibria (rows, n) under gravity with driven joints held at angles (rows, driven) [rad], each from the last."""
     held, q, postures = chain.active, np.zeros(chain.n), np.zeros((len(angles), chain.n))
     free, found = unlocked(chain, held.tolist()), 0
     while found < len(angles):

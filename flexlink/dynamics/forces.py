@@ -210,6 +210,11 @@ class Gains(NamedTuple):
         kp, kd = (np.diag(slope) if slope.ndim == 1 else slope for slope in self)
         return kp, kd
 
+    def diagonals(self) -> tuple[Array, Array]:
+        """Both gains as vectors (n,), the diagonals."""
+        kp, kd = (slope if slope.ndim == 1 else np.diag(slope).copy() for slope in self)
+        return kp, kd
+
 
 def turns_with_tip(frame: Frame) -> bool:
     """Whether a wrench in axes of `frame` turns with the tip; refuses other frames than "world" and "tip"."""

@@ -153,10 +153,7 @@ class Equations:
 
 
 def shortest(A: Array, b: Array, sizes: Array, rounding: float) -> Array:
-    """Shortest solution of A x = b; nan if there is none. `sizes` are the magnitudes of the terms in each row.
-
-    A row whose entries are below its rounding error is treated as 0.
-    """
+    """Shortest solution of A x = b, or nan; rows below the rounding error of terms of magnitude `sizes` are 0."""
     scaled, right = A / sizes[:, None], b / sizes
     if not (np.isfinite(scaled).all() and np.isfinite(right).all()):
         return np.full(len(b), np.nan)

@@ -245,10 +245,7 @@ def largest_load_stiffness(chain: Chain, qd: Array, wrench: Array) -> Array:
 
 
 def of_loads(chain: Chain, qd: Array, wrench: Array) -> Array:
-    """Rounding error of each T_GC in any configuration, shape (n,) [N m].
-
-    A load is rotated once and summed once in each of b bodies; each body adds an error of 8 eps times its terms.
-    """
+    """Rounding error of each T_GC in any configuration, (n,) [N m]: 8 eps of each load in each body."""
     return 8 * len(chain.bodies) * EPS * largest_loads(chain, qd, wrench)
 
 

@@ -49,10 +49,7 @@ class _Modes(NamedTuple):
 
 
 def solve(M: Array, L: Array, C: Array, stiffness: Stiffness) -> Solution:
-    """Return one λ of each conjugate pair, and each real λ; of real pairs ±λ in an undamped system, only λ > 0.
-
-    M = L Lᵀ is the mass matrix, C the damping and gyroscopic matrix, (n, n).
-    """
+    """Return one λ of each conjugate pair, and each real λ; of real pairs ±λ without damping C only λ > 0. M = L Lᵀ."""
     if not all(np.isfinite(part).all() for part in (stiffness.K, stiffness.S, C)):
         raise too_large("numbers")
     modes = _conservative(M, L, stiffness)
@@ -251,10 +248,7 @@ class Subspace:
         return solve(M, L, self.W @ self.CW.T, self.stiffness())
 
     def corrections(self, λ: NDArray[np.inexact], shapes: NDArray[np.inexact]) -> NDArray[np.inexact]:
-        """(K + σ C + σ² M)⁻¹ (λ² M + λ C + K) φ for each mode, relative to the largest entry of φ.
-
-        `shapes` contains the amplitudes of the modes in the subspace, in columns.
-        """
+        """(K + σ C + σ² M)⁻¹ (λ² M + λ C + K) φ, relative to the largest entry of φ, for modes in the subspace."""
         square = λ**2 if np.iscomplexobj(shapes) else (λ**2).real
         residual = square[:, None] * (shapes.T @ self.MW) + shapes.T @ self.KW
         if self.damped:

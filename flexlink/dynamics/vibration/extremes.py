@@ -51,10 +51,7 @@ def _slowest_frequency(chain: Chain, q: Array) -> float:
 
 
 def fastest_frequency(chain: Chain, q: Array) -> float:
-    """Highest natural frequency due to springs [rad/s], from K φ = ω² M φ, estimated from below; 0 without springs.
-
-    It is inf if the inertia of a joint is below the rounding error.
-    """
+    """Highest natural frequency due to springs [rad/s], from below; 0 without springs, inf without inertia."""
     return fastest_of(chain, q, chain.stiffness, np.zeros(chain.n))[0]
 
 

@@ -319,10 +319,7 @@ def natural_frequencies(
 
 
 def relieved(chain: Chain, q: Array, qd: Array, wrench: Array, frame: Frame) -> tuple[Chain, Array]:
-    """Return the chain with less lent inertia under tension, and the lent inertia about each hinge axis [kg m²], (n,).
-
-    The tension is that of a steady motion, at angles q and rates qd, (n,), with a tip wrench as in `internal_loads`.
-    """
+    """The chain with less lent inertia under the tension of a steady motion, and this inertia (n,) [kg m²]."""
     on, axis = hinge_bodies(chain), chain.hinges["axis"]
     lent = np.where((axis == 1) | (axis == 2), chain.described["lent"][on], 0.0)
     hinges = np.flatnonzero(lent)

@@ -146,10 +146,7 @@ Image = NDArray[np.uint8]
 
 
 def write_gif(place: Path, images: Iterable[Image], like: Iterable[Image], milliseconds: int) -> None:
-    """Write frames of shape (height, width, 3), each shown for this time, as a GIF that repeats endlessly.
-
-    All frames use the same 256 colours, chosen for the images `like`; a palette that changes would cause flicker.
-    """
+    """Write frames (height, width, 3), each shown for this time, as an endless GIF with one palette, that of `like`."""
     from PIL import Image as Pillow  # noqa: PLC0415  needed only for drawing
 
     palette = Pillow.fromarray(np.concatenate(list(like))).quantize(256, dither=Pillow.Dither.NONE)

@@ -124,10 +124,7 @@ def _stations(arm: Arm, found: list[Piece], k: int, piece: Piece) -> list[tuple[
 
 
 def half_dimensions(arm: Arm, link: Link, x: float) -> tuple[tuple[float, float], bool]:
-    """Half the height and width of a link's section at the fraction `x` of its length [m], and whether it is round.
-
-    A general section is drawn as the rectangle of its radii of gyration, h² = 12 I_z/A, w² = 12 I_y/A.
-    """
+    """Half height and width of a section at `x` of a link [m] (general: by radii of gyration); whether it is round."""
     if link.section is None:
         return (0.0, 0.0), False
     root, tip = arm.sections[link.section], arm.sections[link.section_tip or link.section]

@@ -71,10 +71,7 @@ class Projected:
 
     @property
     def skeleton_points(self) -> Array:
-        """Points of the arm's line, which is drawn where links have no section, in frame 0, shape (f, m, 3).
-
-        The points are origins of bodies, stations and the payload, with nan between two points that are not connected.
-        """
+        """The arm's line, drawn where links have no section, in frame 0, (f, m, 3), with nan between separate lines."""
         film = self.film
         every = np.concatenate([film.p, film.points, film.rails, np.full_like(film.p[:, :1], np.nan)], axis=1)
         every = every[:, film.outline.order]
