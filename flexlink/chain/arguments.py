@@ -18,19 +18,27 @@ from flexlink.kernels.tools.finite import is_finite
 
 FLOAT64 = np.dtype(np.float64)
 NO_WRENCH = np.zeros(6)
+CONVERSIONS = {
+    ("Scene", "Chain"): "fl.lump(scene)",
+    ("Trajectory", "Chain"): "run.chain",
+    ("ndarray", "Chain"): "the chain as first argument",
+    ("Arm", "Scene"): "fl.Scene(arm=arm, …)",
+    ("Chain", "Scene"): "the scene of the chain",
+    ("str", "Scene"): "fl.load_scene(path)",
+    ("PosixPath", "Scene"): "fl.load_scene(path)",
+    ("str", "FitProblem"): "fl.fits.FitProblem.load(path)",
+    ("PosixPath", "FitProblem"): "fl.fits.FitProblem.load(path)",
+    ("Scene", "FitProblem"): "fl.fits.FitProblem(scene=scene, …)",
+}
+"""Advice on converting a value of one type to another, for messages."""
 
 
 def vector(
     name: str, value: ArrayLike, size: int, *, many: bool = False, finite: bool = True, meaning: Callable[[], str] = str
 ) -> Array:
-    """Return `value` as a finite float64 array of shape (size,); with `many`, messages add (b, size), for b states.
+    """Return `value` as a finite float64 array of shape (size,), or refuse it; with `many`, messages add (b, size).
 
     `finite=False` skips the check for finite values, which takes 0.2 µs; use it if a kernel checks the values anyway.
-
-    Raises
-    ------
-    ArgumentError
-        The message contains the argument's name, its shape and the expected shape.
     """
     if type(value) is not np.ndarray or value.dtype is not FLOAT64 or not value.flags.carray:
         value = real_array(name, value, (size,))
@@ -57,13 +65,7 @@ def dimensions(value: ArrayLike) -> int:
 
 
 def require_one_of(name: str, value: object, allowed: Mapping[Any, T], what: str = "unknown") -> T:
-    """Return the entry of `allowed` with the name `value`; `what` states what else it may be.
-
-    Raises
-    ------
-    ArgumentError
-        There is no such entry; the message lists the names.
-    """
+    """Return the entry of `allowed` with the name `value`, or refuse it; `what` states what else it may be."""
     if not isinstance(value, str) or value not in allowed:
         names = ", ".join(allowed) if len(allowed) < 100 else short_list(list(allowed))
         raise ArgumentError(
@@ -73,16 +75,10 @@ def require_one_of(name: str, value: object, allowed: Mapping[Any, T], what: str
 
 
 def require_type(name: str, value: object, kind: type[T]) -> T:
-    """Check that `value` is a `kind`, and return it.
-
-    Raises
-    ------
-    ArgumentError
-        `value` has another type; the message names this type and, if known, how to convert `value`.
-    """
+    """Return `value` if it is a `kind`, or refuse it; its message shows how to convert it, if known."""
     if not isinstance(value, kind):
         given = type(value).__name__
-        remedy = _conversion(given, kind.__name__)
+        remedy = CONVERSIONS.get((given, kind.__name__), "")
         raise ArgumentError(
             f"{name} = {truncated(value)}: expected a {kind.__name__}, got {given}{'; use ' if remedy else ''}{remedy}",
             id="wrong-type",
@@ -90,31 +86,8 @@ def require_type(name: str, value: object, kind: type[T]) -> T:
     return value
 
 
-def _conversion(given: str, wanted: str) -> str:
-    """Advice on converting a value of one type to another, for a message; empty if no conversion is known."""
-    conversions = {
-        ("Scene", "Chain"): "fl.lump(scene)",
-        ("Trajectory", "Chain"): "run.chain",
-        ("ndarray", "Chain"): "the chain as first argument",
-        ("Arm", "Scene"): "fl.Scene(arm=arm, …)",
-        ("Chain", "Scene"): "the scene of the chain",
-        ("str", "Scene"): "fl.load_scene(path)",
-        ("PosixPath", "Scene"): "fl.load_scene(path)",
-        ("str", "FitProblem"): "fl.fits.FitProblem.load(path)",
-        ("PosixPath", "FitProblem"): "fl.fits.FitProblem.load(path)",
-        ("Scene", "FitProblem"): "fl.fits.FitProblem(scene=scene, …)",
-    }
-    return conversions.get((given, wanted), "")
-
-
 def refuse_unknown(function: Callable[..., object], unknown: Mapping[str, object]) -> None:
-    """Refuse keyword arguments that a function does not take, and name what was probably meant.
-
-    Raises
-    ------
-    ArgumentError
-        There is one.
-    """
+    """Refuse keyword arguments that a function does not take, and name what was probably meant."""
     for wrong in key_mistakes(unknown, list(function.__kwdefaults__ or ()), (), function.__name__):
         raise ArgumentError(wrong, id=wrong.id)
 
@@ -135,13 +108,7 @@ def sequence(name: str, values: object, item: str) -> list[Any]:
 
 
 def integer(name: str, value: object, least: int, most: int | None = None) -> int:
-    """Return `value` as an int from `least` to `most`.
-
-    Raises
-    ------
-    ArgumentError
-        `value` is not an integer, or out of range; the message gives the range.
-    """
+    """Return `value` as an int from `least` to `most`, or refuse it."""
     number = number_of(value)
     if type(number) is not int:
         raise ArgumentError(
@@ -162,13 +129,7 @@ def positive(name: str, value: object) -> float:
 
 
 def real(name: str, value: object, wanted: str) -> float:
-    """Return `value`, a number or a string, as a float, finite or not; `wanted` describes it in the error message.
-
-    Raises
-    ------
-    ArgumentError
-        `value` is not a number, or an integer beyond float64.
-    """
+    """Return a number or string as a float, finite or not, or refuse it; `wanted` describes it in the message."""
     try:
         return float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.beam_slides import Slides, Stations, stations_of
+from flexlink.chain.beam_slides import Stations, stations_of
 from flexlink.chain.beams import SectionBeam, TableBeam, points_between
 from flexlink.chain.builder import Builder
 from flexlink.chain.compliance import cell_constants, spring_constants
@@ -31,54 +31,32 @@ TWIST = 1  # number of the twist axis in a `Coordinate`
 PAIR = 2  # number of hinges in cells whose springs act on the curvature of the rotation between them
 
 
+Constants = tuple[Array, Array]
+"""K_ii (b, hinges) and K_ij (b, couplings) of b arms, or (hinges,) and (couplings,) of all [N m/rad; N/m of slides]."""
+
+
 class Springs(NamedTuple):
-    """Springs of a beam: section rigidities, from which the stiffness of single hinges or of cells is computed."""
+    """Springs of a beam's hinges, or of its slides."""
 
     link: Link
-    sections: Array  # (4, N) A, I_y, I_z, J at the hinges, or at the Gauss points of cells
-    lengths: Array  # (N,) length of beam that each section represents [m]
     rows: NDArray[np.intp]  # index of each hinge in the chain
-    places: NDArray[np.intp]  # index of each hinge in the flattened (3, N) stiffnesses
-    cells: Cells | None
     coupled: slice  # range of the beam's couplings among the couplings of the chain
-    pairs: NDArray[np.intp]  # (couplings, 3) axis, cell, and number of the hinge pair in the cell
-    given: tuple[Array, Array] | None = None  # K_ii and K_ij computed from a table
+    constants: Callable[[Array, Array], Constants]  # from E and G of b arms, (b, 1) each [Pa]
 
-    def constants(self, rigidities: Array) -> tuple[Array, Array]:
-        """K_ii (…, hinges) and K_ij (…, couplings) [N m/rad] from GJ, EI_y, EI_z at the sections, (…, 3, N) [N m²]."""
-        held = rigidities / self.lengths
-        if self.cells is None:
-            return held.reshape(*held.shape[:-2], -1)[..., self.places], np.zeros((*held.shape[:-2], 0))
-        cell = self.cells.cell
-        held = held.reshape(*held.shape[:-1], -1, self.cells.hinges)
-        own = np.stack([cell.stiffness(i, i, held) for i in range(self.cells.hinges)], axis=-1)
-        both = np.stack([cell.stiffness(i, j, held) for i, j in cell.pairs], axis=-1)
-        axis, e, pair = self.pairs.T
-        return own.reshape(*own.shape[:-3], -1)[..., self.places], both[..., axis, e, pair]
-
-    def write(self, arms: Sequence[Arm], hinges: NDArray[np.void], couplings: NDArray[np.void]) -> NDArray[np.bool_]:
-        """Write spring and damping constants of arms that differ in materials into hinges and couplings, (b, …) each.
-
-        Returns a mask, (b,) or (1,), false for arms with a stiffness that underflows to 0, which would free the hinge.
-        """
+    def write(self, arms: Sequence[Arm], hinges: NDArray[np.void], couplings: NDArray[np.void]) -> None:
+        """Write spring and damping constants of arms that differ in materials, (b, …) each."""
         loss = np.array([arm.loss_time(self.link) for arm in arms])[:, None]
-        k, coupled = self._of_materials(arms) if self.given is None else self.given
-        hinges["stiffness"][:, self.rows], hinges["damping"][:, self.rows] = k, loss * k
-        couplings["stiffness"][:, self.coupled], couplings["damping"][:, self.coupled] = coupled, loss * coupled
-        return np.asarray(np.atleast_2d(k).all(axis=1))
-
-    def _of_materials(self, arms: Sequence[Arm]) -> tuple[Array, Array]:
-        """Constants from GJ, EI_y, EI_z of all arms, (b, hinges) and (b, couplings)."""
-        materials = [arm.materials[self.link.material or ""] for arm in arms]
+        materials = [] if self.link.material is None else [arm.materials[self.link.material] for arm in arms]
         young = np.array([material.young for material in materials])[:, None]
         shear = np.array([material.shear for material in materials])[:, None]
-        _, i_y, i_z, torsion = self.sections
-        return self.constants(np.stack([shear * torsion, young * i_y, young * i_z], axis=1))
+        k, coupled = self.constants(young, shear)
+        hinges["stiffness"][:, self.rows], hinges["damping"][:, self.rows] = k, loss * k
+        couplings["stiffness"][:, self.coupled], couplings["damping"][:, self.coupled] = coupled, loss * coupled
 
 
 def add_beam(
     builder: Builder, link: Link, number: int, beam: SectionBeam | TableBeam, nodes: Array, weights: Array
-) -> list[Springs | Slides]:
+) -> list[Springs]:
     """Add segments, hinges and slides of a beam along the x axis of the running frame; return its springs."""
     rule = lumping_rule(link.lumping)
     segments, stations = segments_of(link, rule, beam, nodes), None
@@ -102,8 +80,8 @@ def add_beam(
         return []
     if rule.cells is not None and body is not None:
         builder.body.lent = rule.cells.lent(body.mass, end[0])
-    springs = _springs(builder, link, beam, nodes, weights, hinges)
-    return [springs] if stations is None else [springs, stations.springs(link, slides)]
+    springs = [_springs(builder, link, beam, nodes, weights, hinges)]
+    return springs if stations is None else [*springs, _springs_of_slides(link, stations, slides)]
 
 
 Places = dict[tuple[int, int], int]
@@ -123,7 +101,8 @@ def _add_hinges(
         at = Kind.HINGE.at(number, segment, axis - 1)
         builder.add_hinge(at, axis - 1, 0.0, 0.0, *friction, armature=rotors[axis - 1])
     if rule.springs == "rotation" and AXES[link.flex] == AXES["xyz"]:
-        builder.body.springs = _springs_of(rule, segment - 1)
+        leads = rule.cells is not None and rule.cells.hinges == PAIR and segment % PAIR == 1
+        builder.body.springs = int(SPRINGS.cell if leads else SPRINGS.rotation)
     return places
 
 
@@ -144,28 +123,58 @@ def _springs(
     """Springs of a beam's hinges, and their couplings in cells."""
     rule, rows = lumping_rule(link.lumping), np.array(list(places.values()), dtype=np.intp)
     among = np.array([axis * len(nodes) + hinge for axis, hinge in places], dtype=np.intp)
-    if rule.cells is None:
-        none = slice(len(builder.couplings), len(builder.couplings)), np.empty((0, 3), np.intp)
-        if isinstance(beam, TableBeam):
-            k = spring_constants(beam, rule, nodes, weights).reshape(-1)[among]
-            return Springs(link, np.empty((4, 0)), np.empty(0), rows, among, None, *none, (k, np.empty(0)))
-        return Springs(link, beam.sections(nodes), weights * beam.length, rows, among, None, *none)
-    coupled, pairs = _couple(builder, rule.cells, places)
+    if rule.cells is not None:
+        return _springs_of_cells(builder, link, rule.cells, beam, len(nodes), places, rows, among)
+    none = slice(len(builder.couplings), len(builder.couplings))
     if isinstance(beam, TableBeam):
-        K, (axis, cell, pair) = cell_constants(beam, rule.cells, len(nodes)), pairs.T
-        i, j = np.array(rule.cells.cell.pairs).T
-        given = K.diagonal(axis1=2, axis2=3).reshape(-1)[among], K[axis, cell, i[pair], j[pair]]
-        return Springs(link, np.empty((4, 0)), np.empty(0), rows, among, rule.cells, coupled, pairs, given)
-    cell, count = rule.cells.cell, len(nodes) // rule.cells.hinges
-    sections = beam.sections(rule.cells.gauss_points(len(nodes)))
-    lengths = beam.length / count / np.tile(cell.weights, count)
-    return Springs(link, sections, lengths, rows, among, rule.cells, coupled, pairs)
+        k = spring_constants(beam, rule, nodes, weights).reshape(-1)[among]
+        return Springs(link, rows, none, lambda young, shear: (k, np.empty(0)))
+    sections, lengths = beam.sections(nodes), weights * beam.length
+
+    def constants(young: Array, shear: Array) -> Constants:
+        held = _rigidities(sections, young, shear) / lengths
+        return held.reshape(len(held), -1)[:, among], np.zeros((len(held), 0))
+
+    return Springs(link, rows, none, constants)
 
 
-def _springs_of(rule: LumpingRule, hinge: int) -> int:
-    """Kind of springs at a three-axis hinge; `hinge` is its number along the beam, from 0."""
-    leads = rule.cells is not None and rule.cells.hinges == PAIR and hinge % PAIR == 0
-    return int(SPRINGS.cell if leads else SPRINGS.rotation)
+def _springs_of_cells(
+    builder: Builder, link: Link, cells: Cells, beam: SectionBeam | TableBeam, count: int, places: Places,
+    rows: NDArray[np.intp], among: NDArray[np.intp],
+) -> Springs:  # fmt: skip
+    """As `_springs`, for cells whose springs are coupled."""
+    coupled, pairs = _couple(builder, cells, places)
+    cell, (axis, e, pair) = cells.cell, pairs.T
+    if isinstance(beam, TableBeam):
+        K, (i, j) = cell_constants(beam, cells, count), np.array(cell.pairs).T
+        given = K.diagonal(axis1=2, axis2=3).reshape(-1)[among], K[axis, e, i[pair], j[pair]]
+        return Springs(link, rows, coupled, lambda young, shear: given)
+    number = count // cells.hinges
+    sections = beam.sections(cells.gauss_points(count))
+    lengths = beam.length / number / np.tile(cell.weights, number)
+
+    def constants(young: Array, shear: Array) -> Constants:
+        held = (_rigidities(sections, young, shear) / lengths).reshape(len(young), 3, number, -1)
+        own = np.stack([cell.stiffness(i, i, held) for i in range(cells.hinges)], axis=-1)
+        both = np.stack([cell.stiffness(i, j, held) for i, j in cell.pairs], axis=-1)
+        return own.reshape(len(held), -1)[:, among], both[:, axis, e, pair]
+
+    return Springs(link, rows, coupled, constants)
+
+
+def _rigidities(sections: Array, young: Array, shear: Array) -> Array:
+    """GJ, EI_y, EI_z of b arms at sections (4, N), (b, 3, N) [N m²]."""
+    _, i_y, i_z, torsion = sections
+    return np.stack([shear * torsion, young * i_y, young * i_z], axis=1)
+
+
+def _springs_of_slides(link: Link, stations: Stations, places: Places) -> Springs:
+    """Springs of a beam's slides."""
+    axes, at = np.array(list(places)).T
+    sections, shears, rows = stations.sections[axes, at], axes > 0, np.array(list(places.values()), dtype=np.intp)
+    return Springs(
+        link, rows, slice(0, 0), lambda young, shear: (sections * np.where(shears, shear, young), np.empty(0))
+    )
 
 
 def _couple(builder: Builder, cells: Cells, places: dict[tuple[int, int], int]) -> tuple[slice, NDArray[np.intp]]:

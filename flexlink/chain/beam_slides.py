@@ -21,36 +21,16 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.beams import SectionBeam
 from flexlink.chain.rigid import SpatialInertia
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
-from flexlink.describe.arm import Arm
 from flexlink.describe.link import AXES, Link
 from flexlink.describe.schemes.lumping_rules import exact_for_quadratics, lumping_rule, matched_inertias
 
 SHEARS = {3: 1, 2: 2}
 """Axis of a bending hinge in a `Coordinate` → axis of the slide for shear in the same plane: along y, along z."""
-
-
-class Slides(NamedTuple):
-    """Springs of a beam's slides."""
-
-    link: Link
-    sections: Array  # (N,) A/(w L) for stretch, κA/(w L) for shear [m]
-    shears: NDArray[np.bool_]  # (N,) whether the slide is for shear
-    rows: NDArray[np.intp]  # index of each slide in the chain
-
-    def write(self, arms: Sequence[Arm], hinges: NDArray[np.void], couplings: NDArray[np.void]) -> NDArray[np.bool_]:
-        """Write spring and damping constants of arms that differ in materials into hinges, as `Springs.write`."""
-        materials = [arm.materials[self.link.material or ""] for arm in arms]
-        moduli = np.array([(material.young, material.shear) for material in materials])
-        k = self.sections * np.where(self.shears, moduli[:, 1:], moduli[:, :1])
-        loss = np.array([arm.loss_time(self.link) for arm in arms])[:, None]
-        hinges["stiffness"][:, self.rows], hinges["damping"][:, self.rows] = k, loss * k
-        return np.asarray(k.all(axis=1))
 
 
 class Stations(NamedTuple):
@@ -61,22 +41,11 @@ class Stations(NamedTuple):
     masses: Array  # (3, N) matched inertia of the slides along x, y, z [kg]
     inertias: Array  # (3, N) matched inertia of the hinges about x (none), y, z [kg m²]
 
-    def springs(self, link: Link, places: dict[tuple[int, int], int]) -> Slides:
-        """Springs of the slides; `places` is the index in the chain of the slide of an axis and station."""
-        axes, stations = np.array(list(places)).T
-        return Slides(link, self.sections[axes, stations], axes > 0, np.array(list(places.values()), dtype=np.intp))
-
 
 def stations_of(
     link: Link, beam: SectionBeam, nodes: Array, weights: Array, segments: Sequence[SpatialInertia | None]
 ) -> Stations:
-    """Slides of a link that shears or stretches.
-
-    Raises
-    ------
-    SceneError
-        The rule has cells, or a section that shears has no known shape.
-    """
+    """Slides of a link that shears or stretches; refuses rules with cells, and shear of a section without a shape."""
     rule, sheared = lumping_rule(link.lumping), [SHEARS[axis] for axis in AXES[link.flex] if axis in SHEARS]
     axes = (*([0] if link.stretch else []), *(sorted(sheared) if link.shear else []))
     if rule.cells is not None:

@@ -17,15 +17,12 @@ from flexlink.kernels.layout import BODY
 
 
 class Piece(NamedTuple):
-    """A straight piece of a link between two of its hinges, along x, for pictures of an arm.
-
-    `place` is the pose of its start in a body, counted from 1 in the order of `chain.bodies`; 0 is the fixed base.
-    """
+    """A straight piece of a link between two of its hinges, along x, for pictures of an arm."""
 
     link: int  # from 1
     part: tuple[float, float]  # start and end, relative to the link's length
-    body: int
-    place: Pose
+    body: int  # from 1 in the order of `chain.bodies`; 0 is the fixed base
+    place: Pose  # pose of its start in the body
     end: Array  # end from the start, along x [m]
 
     @property
@@ -163,22 +160,11 @@ class Builder:
         self.go_to((len(self.bodies) - 1, HERE))
 
     def add_hinge(
-        self,
-        coordinate: Coordinate,
-        axis: int,
-        stiffness: float = 0.0,
-        damping: float = 0.0,
-        coulomb: float = 0.0,
-        width: float = 1.0,
-        *,
-        armature: float = 0.0,
-        lower: float = -np.inf,
-        upper: float = np.inf,
-        prescribed: bool = False,
-    ) -> None:
+        self, coordinate: Coordinate, axis: int, stiffness: float = 0.0, damping: float = 0.0, coulomb: float = 0.0,
+        width: float = 1.0, *, armature: float = 0.0, lower: float = -np.inf, upper: float = np.inf, held: bool = False,
+    ) -> None:  # fmt: skip
         """Add a hinge to the current body; axis and units as in dtype `HINGE`."""
-        rest = 0.0
-        self.hinges.append((axis, stiffness, rest, damping, coulomb, width, armature, lower, upper, prescribed))
+        self.hinges.append((axis, stiffness, 0.0, damping, coulomb, width, armature, lower, upper, held))
         self.coordinates.append(coordinate)
         self.body.stop += 1
 

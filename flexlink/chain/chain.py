@@ -326,6 +326,16 @@ def _lengths(vectors: Array) -> Array:
     return np.asarray(np.sqrt((vectors * vectors).sum(axis=1)))
 
 
+def merged(couplings: NDArray[np.void]) -> NDArray[np.void]:
+    """Couplings of which each pair of hinges occurs once, sorted, with the sums of their constants."""
+    pairs, pair_index = np.unique(couplings[["inner", "outer"]], return_inverse=True)
+    joined = np.zeros(len(pairs), COUPLING)
+    joined["inner"], joined["outer"] = pairs["inner"], pairs["outer"]
+    for field in ("stiffness", "damping"):
+        np.add.at(joined[field], pair_index, couplings[field])
+    return joined
+
+
 def add_products(product: Array, couplings: NDArray[np.void], value: Array, φ: Array) -> None:
     """For each coupling of hinges i and j, add `value` φ_j to row i of the product, and `value` φ_i to row j."""
     inner, outer = couplings["inner"], couplings["outer"]

@@ -18,8 +18,6 @@ times the compliance of its interval, as next to a jump, all hinges of the eleme
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from flexlink.chain.beams import TableBeam
@@ -38,11 +36,12 @@ MOST_NODES = 100
 def spring_constants(beam: TableBeam, rule: LumpingRule, nodes: Array, weights: Array) -> Array:
     """1/c_j of every hinge about X, Y and Z, shape (3, N) [N m/rad]."""
     given = np.empty((3, len(nodes)))
-    for panel in _panels(rule, nodes, weights):
-        by_intervals = _of_stretches(beam, panel)
-        found = by_intervals if panel.stretches_only else _of_moments(beam, rule, panel)
+    for which, edges, stretches in _panels(rule, nodes, weights):
+        found = by_intervals = _of_stretches(beam, weights[which], stretches)
+        if rule.grid is None and len(stretches) <= MOST_NODES:
+            found = _of_moments(beam, rule, edges, nodes[which])
         good = (found > LEAST * by_intervals).all(axis=1, keepdims=True)
-        given[:, panel.which] = 1 / np.where(good, found, by_intervals)
+        given[:, which] = 1 / np.where(good, found, by_intervals)
     return given
 
 
@@ -61,10 +60,7 @@ def cell_constants(beam: TableBeam, cells: Cells, count: int) -> Array:
 
 
 def curvatures(beam: TableBeam, rule: LumpingRule, hinges: tuple[Array, Array], angles: Array) -> Array:
-    """κ = M/EI about X, Y and Z at hinges, or at Gauss points of cells, from angles (…, N) about one axis [rad/m].
-
-    Shape (3, …, N); the result for each axis treats the angles as angles about this axis.
-    """
+    """κ = M/EI about X, Y and Z at hinges, or Gauss points of cells, (3, …, N), for angles (…, N) about this axis."""
     nodes, weights = hinges
     if rule.cells is None:
         return np.asarray(
@@ -79,51 +75,42 @@ def curvatures(beam: TableBeam, rule: LumpingRule, hinges: tuple[Array, Array], 
     return np.asarray([part / row for part, row in zip(moments, EI, strict=True)])
 
 
-class _Panel(NamedTuple):
-    """Part of a link, and its hinges, whose moments define one polynomial."""
-
-    which: slice
-    edges: tuple[float, float]
-    nodes: Array
-    weights: Array
-    stretches: Array  # (N, 2), the interval that each hinge represents
-    stretches_only: bool
+Panel = tuple[slice, tuple[float, float], Array]
+"""Hinges whose moments define one polynomial, the part of the link they are on, and the interval of each, (N, 2)."""
 
 
-def _panels(rule: LumpingRule, nodes: Array, weights: Array) -> list[_Panel]:
+def _panels(rule: LumpingRule, nodes: Array, weights: Array) -> list[Panel]:
     if rule.grid is not None:
         half = np.diff(nodes).mean() / 2 if len(nodes) > 1 else 0.5
-        stretches = np.clip(np.column_stack([nodes - half, nodes + half]), 0.0, 1.0)
-        return [_Panel(slice(None), (0.0, 1.0), nodes, weights, stretches, True)]
+        return [(slice(None), (0.0, 1.0), np.clip(np.column_stack([nodes - half, nodes + half]), 0.0, 1.0))]
     size = len(nodes) if rule.element is None else len(rule.element.nodes)
-    count, panels = len(nodes) // size, []
+    count, panels = len(nodes) // size, list[Panel]()
     for e in range(count):
         which, edges = slice(e * size, (e + 1) * size), (e / count, (e + 1) / count)
         ends = edges[0] + np.append(0.0, np.cumsum(weights[which]))
         if abs(ends[-1] - edges[1]) > ROUNDING:  # the weights do not integrate constants
             ends[1:-1] = (nodes[which][1:] + nodes[which][:-1]) / 2
         ends[-1] = edges[1]
-        stretches = np.column_stack([ends[:-1], ends[1:]])
-        panels.append(_Panel(which, edges, nodes[which], weights[which], stretches, size > MOST_NODES))
+        panels.append((which, edges, np.column_stack([ends[:-1], ends[1:]])))
     return panels
 
 
-def _of_stretches(beam: TableBeam, panel: _Panel) -> Array:
+def _of_stretches(beam: TableBeam, weights: Array, stretches: Array) -> Array:
     """w_j times the mean of L/EI over the interval of each hinge, shape (3, N)."""
-    found = np.empty((3, len(panel.nodes)))
-    for j, ends in enumerate(panel.stretches):
+    found = np.empty((3, len(weights)))
+    for j, ends in enumerate(stretches):
         (_, _, weight), per = beam.flexibility(ends, 0)
-        found[:, j] = per @ weight * (panel.weights[j] / (ends[1] - ends[0]))
+        found[:, j] = per @ weight * (weights[j] / (ends[1] - ends[0]))
     return found
 
 
-def _of_moments(beam: TableBeam, rule: LumpingRule, panel: _Panel) -> Array:
-    """∫ ℓ_j L/EI over the panel, shape (3, N), where ℓ_j includes the factor g(x)/g(x_j) of a `jacobi` rule."""
-    (_, x, weight), per = beam.flexibility(np.array(panel.edges), len(panel.nodes))
-    basis = _lagrange(panel.nodes, x)
+def _of_moments(beam: TableBeam, rule: LumpingRule, edges: tuple[float, float], nodes: Array) -> Array:
+    """∫ ℓ_j L/EI over a panel, shape (3, N), where ℓ_j includes the factor g(x)/g(x_j) of a `jacobi` rule."""
+    (_, x, weight), per = beam.flexibility(np.array(edges), len(nodes))
+    basis = _lagrange(nodes, x)
     if rule.jacobi is not None:
         tip, root = rule.jacobi.tip, rule.jacobi.root
-        basis *= ((1 - x) ** tip * x**root)[:, None] / ((1 - panel.nodes) ** tip * panel.nodes**root)
+        basis *= ((1 - x) ** tip * x**root)[:, None] / ((1 - nodes) ** tip * nodes**root)
     return np.asarray((per * weight) @ basis)
 
 

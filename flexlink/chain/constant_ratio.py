@@ -23,7 +23,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from flexlink.chain.chain import Chain
+from flexlink.chain.chain import Chain, merged
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.describe.arm import BETWEEN, Arm
@@ -33,13 +33,7 @@ from flexlink.kernels.layout import COUPLING
 
 
 def with_constant_ratios(chain: Chain, scene: Scene) -> Chain:
-    """Return the chain with the dampers of all links whose damping has `law = "constant"`.
-
-    Raises
-    ------
-    SceneError
-        There are more than `MOST` hinges, a branch begins or a joint slides between them, or a hinge moves no inertia.
-    """
+    """Return the chain with the dampers of all links whose damping has `law = "constant"`; errors as in `lump`."""
     arm = scene.arm
     ratios = {k: link.damping.ratio for k, link in enumerate(arm.links, 1) if link.damping and link.damping.is_constant}
     if not ratios:
@@ -55,9 +49,11 @@ def with_constant_ratios(chain: Chain, scene: Scene) -> Chain:
     mass_upper(chain.arrays, _posture(chain, scene), M)
     block = np.ix_(sprung, sprung)
     D = _damping(M[block], K[block], wanted, chain.name)[np.ix_(of_these, of_these)]
-    damped = chain.hinges.copy()
+    damped, (inner, outer) = chain.hinges.copy(), np.triu_indices(len(hinges), 1)
     damped["damping"][hinges] += D.diagonal()
-    return dataclasses.replace(chain, hinges=damped, couplings=_joined(chain.couplings, hinges, D))
+    dampers = np.zeros(len(inner), COUPLING)
+    dampers["inner"], dampers["outer"], dampers["damping"] = hinges[inner], hinges[outer], D[inner, outer]
+    return dataclasses.replace(chain, hinges=damped, couplings=merged(np.concatenate([chain.couplings, dampers])))
 
 
 def _posture(chain: Chain, scene: Scene) -> Array:
@@ -101,13 +97,3 @@ def _damping(M: Array, K: Array, ratios: Array, name: str) -> Array:
     momenta = np.sqrt(ratios)[:, None] * (M @ shapes)
     D = (momenta * (2 * np.sqrt(np.maximum(squares, 0.0)))) @ momenta.T
     return np.asarray((D + D.T) / 2)
-
-
-def _joined(couplings: NDArray[np.void], hinges: NDArray[np.intp], D: Array) -> NDArray[np.void]:
-    """Add dampers between `hinges` to the couplings; existing springs and dampers are unchanged."""
-    inner, outer = np.triu_indices(len(hinges), 1)
-    pairs = zip(hinges[inner].tolist(), hinges[outer].tolist(), strict=True)
-    found = {pair: (0.0, damping) for pair, damping in zip(pairs, D[inner, outer].tolist(), strict=True)}
-    for i, j, stiffness, damping in couplings.tolist():
-        found[i, j] = stiffness, found.get((i, j), (0.0, damping))[1]
-    return np.array([(*pair, *constants) for pair, constants in sorted(found.items())], dtype=COUPLING)

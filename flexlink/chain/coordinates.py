@@ -7,8 +7,15 @@ import functools
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from flexlink.chain import free_base
 from flexlink.describe.arm import BASE
+from flexlink.kernels.layout import SLIDES
+
+BASE_NAMES = "x", "y", "z", "rx", "ry", "rz"
+"""Names of the joints of a floating base, which are the first of the chain."""
+BASE_AXES = (*range(SLIDES, SLIDES + 3), *range(3))
+"""Axes along or about which these joints move, as in dtype `HINGE`: along X, Y, Z of frame 0, then about X, Y, Z."""
+BASE_JOINTS = len(BASE_NAMES)
+"""Number of these joints."""
 
 
 class Kind(enum.Enum):
@@ -20,7 +27,7 @@ class Kind(enum.Enum):
     their place; if not `moves`, they move no body, and files of other programs lack them.
     """
 
-    BASE = 1, free_base.NAMES, "base"
+    BASE = 1, BASE_NAMES, "base"
     JOINT = 0, ("",), "joint", (), "joints"
     GEAR = 3, ("gear",), "joint", ("gear",), "springs"
     ROOT = 4, ("root.x", "root.y", "root.z"), "joint", ("root", "root", "root"), "springs", True

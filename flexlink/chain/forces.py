@@ -79,13 +79,7 @@ ROWS: dict[str, Callable[[Scene, Chain, Sequence[Piece]], Rows]] = {
 
 
 def with_forces(chain: Chain, scene: Scene, pieces: Sequence[Piece]) -> Chain:
-    """Return the chain with its force elements; the same chain if the scene has none.
-
-    Raises
-    ------
-    SceneError
-        A value of an element is beyond float64.
-    """
+    """Return the chain with its force elements, which must be finite; the same chain if the scene has none."""
     forces = {}
     for name, rows_of in ROWS.items():
         if rows := rows_of(scene, chain, pieces):
@@ -103,13 +97,7 @@ def _check_finite(scene: Scene, name: str, rows: NDArray[np.void]) -> None:
 
 
 def refuse_states(chain: Chain, what: str, instead: str = "", *, free: NDArray[np.intp] | None = None) -> None:
-    """Refuse lagging friction for a method that does not support it; `free`: moving coordinates, by default all.
-
-    Raises
-    ------
-    ArgumentError
-        The friction of a moving joint lags.
-    """
+    """Refuse lagging friction for a method that does not support it; `free`: moving coordinates, by default all."""
     joints = chain.force("gyrators")["inner"]
     lagging = joints if free is None else np.intersect1d(joints, free)
     if len(lagging):

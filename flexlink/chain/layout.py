@@ -306,23 +306,20 @@ class Layout:
             return wanted
         if isinstance(wanted, str) and wanted in names:
             return names.index(wanted)
-        if isinstance(wanted, str) and (link := self._link_of(wanted)):
-            if (joint := Kind.JOINT.at(link)) in self.coordinates:
+        links = [*self.joints_of_links, *self.link_names]
+        if isinstance(wanted, str) and wanted in links:  # a joint's own name goes before the name of a link
+            joint = Kind.JOINT.at(links.index(wanted) % len(self.link_names) + 1)
+            if joint in self.coordinates:
                 return self.coordinates.index(joint)
             if perhaps_locked:
                 return -1
         hint = did_you_mean(wanted, [*self.link_names, *names])
-        links = truncated(", ".join(self.link_names)).strip("'")
+        all_links = truncated(", ".join(self.link_names)).strip("'")
         raise ArgumentError(
             f"{name} = {truncated(value)}: not a joint of this chain; allowed are 0 … {self.n - 1}, "
-            f"names such as {names[-1]!r}, and links: {links}{hint}",
+            f"names such as {names[-1]!r}, and links: {all_links}{hint}",
             id="unknown-joint",
         )
-
-    def _link_of(self, name: str) -> int:
-        """Number, from 1, of the link whose joint has this name, or else of the link of this name; 0: neither."""
-        known = [*self.joints_of_links, *self.link_names]
-        return known.index(name) % len(self.link_names) + 1 if name in known else 0
 
     @functools.cached_property
     def joint_names(self) -> tuple[str, ...]:
@@ -372,9 +369,6 @@ OF_LAYOUT = [name for name, value in vars(Layout).items() if isinstance(value, f
 """Names of cached properties that chains of the same layout share."""
 
 
-# Branches of an arm, which are serial chains of bodies, and sums along them.
-
-
 class Branch(NamedTuple):
     """Consecutive bodies, indexed from 0, each the parent of the next, and the parent of the first one."""
 
@@ -406,3 +400,50 @@ def sums_inward(spans: list[Branch], terms: Array) -> Array:
         if parent >= 0:
             sums[parent] += sums[first]
     return sums
+
+
+def base_body(chain: Layout) -> int:
+    """Number, from 1, of the body that is the base; 0 if the base is fixed in frame 0."""
+    return 2 if chain.has_free_base else 0
+
+
+def of_parents(chain: Layout, values: Array, of_base: Array) -> Array:
+    """Values of each body's parent, shape (bodies, …); `of_base` is used for bodies attached to the base."""
+    return np.asarray(np.concatenate([of_base[None], values])[chain.bodies["parent"]])
+
+
+def branches_of(chain: Layout) -> list[list[int]]:
+    """Numbers, from 1, of the bodies of every branch, each after its parent's branch; 0 is the fixed base."""
+    base = base_body(chain)
+    spans = [span._replace(first=max(base, span.first)) for span in spans_of(chain.bodies) if span.stop > base]
+    return [[int(chain.bodies["parent"][first]), *range(first + 1, stop + 1)] for _, first, stop in spans]
+
+
+def unslid(chain: Layout, rotations: Array, points: Array) -> Array:
+    """Origins that the bodies would have if all sliding joints were at zero, (bodies, 3), from poses in frame 0."""
+    R, p = of_parents(chain, rotations, np.eye(3)), of_parents(chain, points, np.zeros(3))
+    return np.asarray(p + np.einsum("bij,bj->bi", R, chain.bodies["translation"]))
+
+
+def sliding_bodies(chain: Layout) -> list[int]:
+    """Indices, from 0, of bodies that slide on their parents, except a floating base."""
+    first = chain.bodies["first"]
+    some = np.flatnonzero(first < chain.bodies["stop"]).tolist()
+    return [k for k in some if k >= base_body(chain) and chain.slides[first[k]]]
+
+
+def as_lines(chain: Layout, points: Array, *, base: bool = True, rails: Array | None = None) -> Array:
+    """Origins of the bodies (…, bodies, 3) as lines along the branches, (…, m, 3), separated by nan.
+
+    Lines start at a fixed base, the origin of frame 0, or, without `base`, at the bodies attached to it. Lines to
+    sliding bodies pass through their positions at zero, `rails`, which are returned by `unslid`.
+    """
+    before, count = np.zeros((*points.shape[:-2], 1, 3)), points.shape[-2] + 1
+    every = np.concatenate([before, points, np.full_like(before, np.nan), points if rails is None else rails], axis=-2)
+    slide = set() if rails is None else {k + 1 for k in sliding_bodies(chain)}
+    order: list[int] = []
+    for branch in branches_of(chain):
+        order += [count] if order else []
+        for b in branch[0 if base or branch[0] else 1 :]:
+            order += [count + b, b] if b in slide and b != branch[0] else [b]
+    return np.asarray(every[..., order, :])

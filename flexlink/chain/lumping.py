@@ -4,26 +4,24 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain import free_base
 from flexlink.chain.arguments import require_type
 from flexlink.chain.beam_hinges import Springs, add_beam
-from flexlink.chain.beam_slides import Slides
 from flexlink.chain.beams import SectionBeam, TableBeam
 from flexlink.chain.builder import Builder, Piece, described, record_inertia, recorded
 from flexlink.chain.chain import Chain
 from flexlink.chain.constant_ratio import posture_of, with_constant_ratios
-from flexlink.chain.coordinates import Kind
+from flexlink.chain.coordinates import BASE_AXES, Kind
 from flexlink.chain.forces import with_forces
-from flexlink.chain.free_base import reference_rotation
 from flexlink.chain.odd_bodies import require_positive_mass
-from flexlink.chain.rigid import HERE, about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
+from flexlink.chain.rigid import HERE, about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, reference_rotation, turn_to
 from flexlink.chain.shapes import with_shapes
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import FlexlinkError, SceneError
 from flexlink.common.memo import Memo
 from flexlink.common.types import Array
 from flexlink.data.documents import is_user_file
@@ -95,30 +93,85 @@ CHAINS = Memo(64)
 
 def _lumped(scene: Scene) -> Chain:
     """Build the chain. Arms that differ only in payload, springs and gravity share a `Frame`, which is built once."""
-    arm, frame = scene.arm, frame_of(scene)
-    bodies, hinges, couplings = frame.bodies.copy(), frame.hinges.copy(), frame.couplings.copy()
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # `_check_finite` refuses such values by name
+    frame = frame_of(scene)
+    return _finished(frame, scene, *(rows[0] for rows in _numbers(frame, [scene.arm])))
+
+
+Records = NDArray[np.void]
+
+
+def _numbers(frame: Frame, arms: Sequence[Arm]) -> tuple[Records, Records, Records]:
+    """Bodies, hinges and couplings of arms that share a frame, (b, …) each."""
+    bare = frame.bare.bodies, frame.bare.hinges, frame.bare.couplings
+    bodies, hinges, couplings = (np.repeat(rows[None], len(arms), axis=0) for rows in bare)
+    with np.errstate(all="ignore"):  # `_finished` refuses such values by name
         for springs in frame.springs:
-            if not springs.write([arm], hinges[None], couplings[None]).all():
-                raise SceneError(
-                    f"link {springs.link.name!r}: the stiffness of a hinge underflows float64", id="underflow"
-                )
-        record_inertia(bodies[frame.carrier], [frame.builder.carrying(arm.tip)])
+            springs.write(arms, hinges, couplings)
+        for own, arm in zip(bodies, arms, strict=True):
+            record_inertia(own[frame.carrier], [frame.builder.carrying(arm.tip)])
+    return bodies, hinges, couplings
+
+
+def _finished(frame: Frame, scene: Scene, bodies: Records, hinges: Records, couplings: Records) -> Chain:
+    """The chain of a scene with these numbers; errors as in `lump`."""
+    for springs in frame.springs:
+        if not hinges["stiffness"][springs.rows].all():
+            raise SceneError(f"link {springs.link.name!r}: the stiffness of a hinge underflows float64", id="underflow")
     for array in (bodies, hinges, couplings):
         _check_finite(scene.name, array)
     chain = frame.chain = frame.chain.with_numbers(
         name=scene.name, bodies=bodies, hinges=hinges, gravity=np.array(scene.gravity), couplings=couplings
     )
-    require_positive_mass(chain, arm)
+    require_positive_mass(chain, scene.arm)
     chain = with_shapes(with_constant_ratios(chain, scene), scene)
     return with_forces(chain, scene, frame.builder.pieces)
 
 
-def pieces(scene: Scene) -> list[Piece]:
-    """Straight pieces of the links that `lump` makes, from the base outward, for pictures of the arm.
+def lump_many(scenes: Sequence[Scene]) -> list[Chain | FlexlinkError]:
+    """Chain of every scene, or its error; numbers of scenes that share a frame are computed together."""
+    shared: dict[int, tuple[Frame, list[int]]] = {}
+    frame = None
+    for k, scene in enumerate(scenes):
+        if not k or not _same_frame(scenes[k - 1], scene):
+            frame = _shared_frame(scene)
+        if frame is not None:
+            shared.setdefault(id(frame), (frame, []))[1].append(k)
+    ready: dict[int, Callable[[], Chain]] = {}
+    for one, members in shared.values():
+        if len(members) > 1:
+            rows = zip(*_numbers(one, [scenes[k].arm for k in members]), strict=True)
+            ready |= {k: partial(_finished, one, scenes[k], *own) for k, own in zip(members, rows, strict=True)}
+    chains: list[Chain | FlexlinkError] = []
+    for k, scene in enumerate(scenes):
+        try:
+            chains.append(ready[k]() if k in ready else lump(scene))
+        except FlexlinkError as error:
+            chains.append(error)
+    return chains
 
-    Errors as in `lump`.
-    """
+
+def _same_frame(before: Scene, scene: Scene) -> bool:
+    """Whether two scenes obviously share a `Frame`, or both have none, without computing one."""
+    a, b = before.arm, scene.arm
+    same = a.links is b.links and a.sections is b.sections and a.rigidities is b.rigidities
+    if not (same and before.motion is scene.motion):
+        return False
+    densities = (a.materials[name].density == b.materials[name].density for name in a.materials if name in b.materials)
+    held = situation(before) == situation(scene)
+    return held and a.materials.keys() == b.materials.keys() and all(densities)
+
+
+def _shared_frame(scene: Scene) -> Frame | None:
+    """The frame of a scene; None if it has an error, or if its chain needs more than the frame and a few numbers."""
+    try:
+        alone = has_user_rules(scene) or posture_of(scene) or any(link.modes for link in scene.arm.links)
+        return None if alone else frame_of(scene)
+    except FlexlinkError:
+        return None
+
+
+def pieces(scene: Scene) -> list[Piece]:
+    """Straight pieces of the links that `lump` makes, from the base outward, for pictures; errors as in `lump`."""
     return frame_of(require_type("scene", scene, Scene)).builder.pieces
 
 
@@ -126,11 +179,9 @@ def pieces(scene: Scene) -> list[Piece]:
 class Frame:
     """Chain data of an arm before its payload and the springs of its beams are added."""
 
-    bodies: NDArray[np.void]
-    hinges: NDArray[np.void]
-    couplings: NDArray[np.void]
+    bare: Chain
     builder: Builder
-    springs: tuple[Springs | Slides, ...]
+    springs: tuple[Springs, ...]
     chain: Chain  # the latest chain built from the frame; its cached layout data are reused
 
     @property
@@ -156,10 +207,10 @@ def _framed(scene: Scene, beams: Sequence[SectionBeam | TableBeam | None]) -> Fr
     """Build bodies, hinges and pieces, from the base outward to the tip frames."""
     arm, builder, initial = scene.arm, Builder(), scene.initial
     moved = {arm.number(motion.link) for motion in scene.motion}
-    springs: list[Springs | Slides] = []
+    springs: list[Springs] = []
     ends, tips = {}, {}
     placed, ends_of_arm = hinges_of(arm), arm.tips
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # `lump` refuses such values by name
+    with np.errstate(all="ignore"):  # `_finished` refuses such values by name
         _add_base(builder, scene)
         ends[0] = builder.place
         for number, (link, parent) in enumerate(zip(arm.links, arm.parents, strict=True), 1):
@@ -180,18 +231,12 @@ def _framed(scene: Scene, beams: Sequence[SectionBeam | TableBeam | None]) -> Fr
         bodies["turned"][1] = 1  # for any initial attitude
     bodies["loaded"][tips[scene.wrench.on or arm.links[-1].name]] = 1
     chain = Chain(
-        name=scene.name,
-        bodies=bodies,
-        hinges=np.array(builder.hinges, dtype=HINGE),
-        gravity=np.array(scene.gravity),
-        coordinates=tuple(builder.coordinates),
-        link_names=tuple(link.name for link in arm.links),
-        joints_of_links=arm.joint_names,
-        couplings=np.array(builder.couplings, dtype=COUPLING),
-        tips=tips,
+        name=scene.name, bodies=bodies, hinges=np.array(builder.hinges, dtype=HINGE), gravity=np.array(scene.gravity),
+        coordinates=tuple(builder.coordinates), link_names=tuple(link.name for link in arm.links),
+        joints_of_links=arm.joint_names, couplings=np.array(builder.couplings, dtype=COUPLING), tips=tips,
         described=described(builder.bodies[1:]),
-    )
-    return Frame(chain.bodies, chain.hinges, chain.couplings, builder, tuple(springs), chain)
+    )  # fmt: skip
+    return Frame(chain, builder, tuple(springs), chain)
 
 
 def _beam_of(arm: Arm, link: Link) -> SectionBeam | TableBeam | None:
@@ -204,7 +249,7 @@ def _beam_of(arm: Arm, link: Link) -> SectionBeam | TableBeam | None:
     return SectionBeam(link.beam.length, arm.materials[link.material].density, root, tip)
 
 
-def _check_finite(name: str, array: NDArray[np.void]) -> None:
+def _check_finite(name: str, array: Records) -> None:
     finite = np.isfinite(array.view(np.float64))  # integers viewed as float64 are finite; only limits may be infinite
     limits = [field for field in array.dtype.names or () if field in {"lower", "upper"}]
     if np.count_nonzero(finite) == finite.size - sum(np.count_nonzero(~np.isfinite(array[name])) for name in limits):
@@ -223,7 +268,7 @@ def _add_base(builder: Builder, scene: Scene) -> None:
         if turns:
             builder.turn(reference_rotation(scene.initial.base))
         builder.start_body()
-        for axis in (axis for axis in free_base.AXES if (axis < SLIDES) == turns):
+        for axis in (axis for axis in BASE_AXES if (axis < SLIDES) == turns):
             builder.add_hinge(Kind.BASE.at(0, axis=next(hinges)), axis)
     builder.add_payload(base)
 
@@ -242,7 +287,7 @@ def _add_mount(builder: Builder, link: Link, before: Link | None) -> None:
         builder.turn(about_axis_deg(2, row.theta_deg))
 
 
-def _add_joint(builder: Builder, link: Link, number: int, start: tuple[float, float], prescribed: bool) -> None:
+def _add_joint(builder: Builder, link: Link, number: int, start: tuple[float, float], held: bool) -> None:
     """Add joint, gear and hub of a link; a locked joint remains at `start` [deg, m]."""
     joint = link.joint
     axis, turn = turn_to(joint.axis)
@@ -259,7 +304,7 @@ def _add_joint(builder: Builder, link: Link, number: int, start: tuple[float, fl
         viscous = 0.0 if joint.lags else joint.viscous
         builder.add_hinge(
             Kind.JOINT.at(number), axis, damping=viscous, coulomb=joint.coulomb, width=joint.coulomb_width,
-            armature=joint.armature, lower=lower, upper=upper, prescribed=prescribed,
+            armature=joint.armature, lower=lower, upper=upper, held=held,
         )  # fmt: skip
     if joint.gear_stiffness is not None:
         builder.add_hinge(Kind.GEAR.at(number), axis, joint.gear_stiffness, joint.gear_damping)
@@ -282,13 +327,17 @@ def _add_lags(builder: Builder, arm: Arm) -> None:
 
 def _add_line(
     builder: Builder, link: Link, number: int, beam: SectionBeam | TableBeam | None, nodes: Array, weights: Array
-) -> list[Springs | Slides]:
+) -> list[Springs]:
     """Add the part between a link's joint and its end: the beam, and the end body."""
     start, length, frame = link.beam
     builder.move(start)
-    _add_root(builder, link, number)
+    if link.root_springs:  # about axes of the link's frame
+        builder.start_body(section=frame)
+    for axis, (stiffness, damping) in link.root_springs.items():
+        turned = ROOT_AXES.index(axis)
+        builder.add_hinge(Kind.ROOT.at(number, axis=turned), turned, stiffness, damping)
     builder.turn(frame)
-    springs: list[Springs | Slides] = []
+    springs: list[Springs] = []
     if beam is None:
         builder.advance(number, (0.0, 1.0), np.array([length, 0, 0]))
     else:
@@ -304,13 +353,3 @@ def _end_turn(link: Link) -> Array:
     """Rotation from axes of a link's end frame to axes of the link: Rx(α) of a standard row, else none."""
     row = link.dh
     return about_axis_deg(0, row.alpha_deg) if row is not None and row.convention == "standard" else HERE.R
-
-
-def _add_root(builder: Builder, link: Link, number: int) -> None:
-    """Add springs at the root of the beam, about axes of the link's frame."""
-    if not link.root_springs:
-        return
-    builder.start_body(section=link.beam.frame)
-    for axis, (stiffness, damping) in link.root_springs.items():
-        turned = ROOT_AXES.index(axis)
-        builder.add_hinge(Kind.ROOT.at(number, axis=turned), turned, stiffness, damping)

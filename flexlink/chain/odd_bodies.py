@@ -27,10 +27,7 @@ def odd_bodies(arm: Arm) -> dict[str, RigidBody]:
 
 
 def of_odd_bodies(arm: Arm) -> Iterator[Diagnostic]:
-    """Note each inertia that no real body has: by how much, and whether rounding to a few digits explains it.
-
-    Rounding to n digits changes each of three moments by at most half a unit of the last digit of the largest.
-    """
+    """Note each inertia that no real body has: by how much, and whether rounding to a few digits explains it."""
     for path, body in odd_bodies(arm).items():
         first = math.floor(math.log10(max(map(abs, body.principal_moments))))
         digits = math.floor(first + 1 - math.log10(body.excess / 1.5))
@@ -41,13 +38,7 @@ def of_odd_bodies(arm: Arm) -> Iterator[Diagnostic]:
 
 
 def require_positive_mass(chain: Chain, arm: Arm) -> None:
-    """Check that M has no negative eigenvalue if an inertia of the arm is odd: at rest, and in 200 random postures.
-
-    Raises
-    ------
-    SceneError
-        M is indefinite: a motion would have negative kinetic energy.
-    """
+    """Refuse odd inertias with which M is indefinite at rest or in one of 200 random postures."""
     odd = odd_bodies(arm)
     if odd and (place := negative_inertia(chain)):
         path, body = max(odd.items(), key=lambda item: item[1].excess)

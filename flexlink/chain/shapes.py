@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import scipy
@@ -32,13 +33,7 @@ Hinges = NDArray[np.intp]
 
 
 def with_shapes(chain: Chain, scene: Scene) -> Chain:
-    """Return the chain with the shapes of all links with `modes`; the same chain if no link has any.
-
-    Raises
-    ------
-    SceneError
-        A link has fewer hinges in a direction than modes, or a hinge moves no inertia.
-    """
+    """Return the chain with the shapes of all links with `modes`; the same chain if no link has any."""
     shaped = [(k, link, modes) for k, link in enumerate(scene.arm.links, 1) if (modes := link.strain_modes) is not None]
     if not shaped:
         return chain
@@ -90,10 +85,11 @@ SHAPES: dict[str, Callable[[Array, Array, Array, int], Array]] = {"eigenmodes": 
 the number of shapes."""
 
 
-def scaled(shapes: Array) -> Array:
-    """Divide each column by its largest entry, so that neither sign nor size depends on the eigenvalue solver."""
-    largest = np.argmax(np.abs(shapes) * (1 + 1e-9 * np.arange(len(shapes), 0, -1)[:, None]), axis=0)
-    return np.asarray(shapes / shapes[largest, np.arange(shapes.shape[1])])
+def scaled(vectors: NDArray[Any]) -> NDArray[Any]:
+    """Divide columns by their largest entry, or the first of several equal ones, so rounding does not affect signs."""
+    sizes, equal = np.abs(vectors), 1e-6  # rounding makes entries of equal size differ in symmetric arms
+    first = (sizes >= (1 - equal) * sizes.max(axis=0)).argmax(axis=0)
+    return np.asarray(vectors / vectors[first, np.arange(vectors.shape[1])])
 
 
 def joined(chain: Chain, parts: list[tuple[Hinges, Array]]) -> Shapes:
@@ -142,13 +138,7 @@ def moved_by(chain: Chain, Φ: Array) -> NDArray[np.bool_]:
 
 
 def refuse_shapes(chain: Chain, what: str) -> None:
-    """Refuse a chain with shapes in a function that does not support them; `what` begins the message.
-
-    Raises
-    ------
-    ArgumentError
-        The chain has links with `modes`.
-    """
+    """Refuse a chain with shapes in a function that does not support them; `what` begins the message."""
     if chain.shapes is not None:
         raise ArgumentError(
             f"{chain.name}: {what} does not support links with modes; use the chain of their hinges, "
@@ -158,13 +148,7 @@ def refuse_shapes(chain: Chain, what: str) -> None:
 
 
 def on_shapes(chain: Chain, name: str, change: Array, per: str = "") -> None:
-    """Check that a change of the angles or, with `per` = "/s", rates (n,) is a sum of the chain's shapes.
-
-    Raises
-    ------
-    ArgumentError
-        It is not, up to rounding.
-    """
+    """Refuse a change of angles or, with `per` = "/s", rates (n,) that is no sum of its shapes up to rounding."""
     if chain.shapes is None:
         return
     Φ, size = chain.shapes.matrix, np.abs(change).max(initial=0.0)

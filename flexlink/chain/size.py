@@ -46,18 +46,11 @@ def without_lever(arrays: ChainArrays, reach: float, anywhere: Callable[[], Kine
     If a joint has a lever, so does every joint before it, because the point moves on a circle, which lies on no axis.
     For most arms the outermost joints therefore decide, and `anywhere`, which returns `at_any_posture`, is not called.
     """
-    last = len(arrays.hinges) - 1
-    if (
-        arrays.rare is None
-        and last >= 0
-        and _offset_of_next(arrays, last, len(arrays.bodies) - 2) > 2 * NEARLY * reach > 0
-    ):
-        return np.empty(0, np.intp)  # in a serial arm the last joint decides for all
     passes = (arrays.hinges["axis"] >= SLIDES).tolist()
     if reach == 0 or all(passes):
         return np.flatnonzero(np.logical_not(passes))
     first, stop, parent = (arrays.bodies[name].tolist() for name in ("first", "stop", "parent"))
-    for k in range(last, -1, -1):
+    for k in range(len(passes) - 1, -1, -1):
         if passes[k]:
             continue
         body = bisect_right(stop, k)

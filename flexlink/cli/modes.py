@@ -18,13 +18,13 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.cli.shared import prefix_errors, require_picture, save_plot, varied_scene
 from flexlink.common.errors import ArgumentError, ConvergenceError
+from flexlink.common.notebook import drawing_module
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.dynamics.vibration.steady import first_elastic_frequency, modes_in_motion, steady_joint
 from flexlink.motion.inputs.actuation import initial_wrench
 from flexlink.motion.inputs.initial_state import initial_state
-from flexlink.results.trajectory import plotting
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -139,5 +139,5 @@ def run_command(options: argparse.Namespace) -> int:
         print_modes(scene, found, range(len(found.eigenvalues)))
         print(first)
     if options.plot is not None:
-        save_plot(plotting().plot_modes(found, chain, options.count), options.plot)
+        save_plot(drawing_module("results.plotting").plot_modes(found, chain, options.count), options.plot)
     return 0

@@ -16,6 +16,7 @@ import msgspec
 import numpy as np
 
 from flexlink.common.errors import ArgumentError, Diagnostic, FlexlinkError
+from flexlink.common.notebook import drawing_module
 from flexlink.common.output import check_writable, write_or_keep
 from flexlink.common.wording import coloured, id_of
 from flexlink.data.documents import shown_path
@@ -23,8 +24,7 @@ from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.scene import Scene
 from flexlink.describe.scene_file import load_scene
 from flexlink.dynamics.notes import defaults, notes
-from flexlink.results.files import picture_format
-from flexlink.results.trajectory import plotting
+from flexlink.results.files import PICTURE, ending
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -128,9 +128,9 @@ def require_writable(path: Path) -> None:
 def require_picture(path: Path | None) -> None:
     """Check, before results are computed, that a plot can be drawn and written."""
     if path is not None:
-        picture_format(path)
+        ending(path, *PICTURE)
         require_writable(path)
-        plotting()
+        drawing_module("results.plotting")
 
 
 def command_line() -> str:

@@ -24,11 +24,11 @@ from flexlink.describe import data_files
 from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import SOLVERS
-from flexlink.dynamics.sensors.readings import coarse_samples
+from flexlink.dynamics.sensors.instrument import coarse_samples
 from flexlink.motion.evaluation_cost import machine_factor, run_cost
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.single_run import SingleRun
-from flexlink.results.files import output_format
+from flexlink.results.files import TRAJECTORY, ending
 from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError
 from flexlink.results.trajectory import Trajectory
 
@@ -69,7 +69,7 @@ def run_command(options: argparse.Namespace) -> int:
         changes["run.outputs"] = ("torques",)
     scene = shared.varied_scene(options.scene, options, changes)
     if options.out is not None:
-        output_format(options.out)
+        ending(options.out, *TRAJECTORY)
         shared.require_writable(options.out)
     shared.require_picture(options.plot)
     with shared.prefix_errors(options.scene):

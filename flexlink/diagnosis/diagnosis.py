@@ -29,7 +29,7 @@ from flexlink.diagnosis.matching import Match
 from flexlink.diagnosis.mistakes import table
 from flexlink.diagnosis.native import NativeEngine
 from flexlink.diagnosis.quantities import QUANTITIES, Difference, State, compare_engines
-from flexlink.dynamics.singularity import regular_mass
+from flexlink.dynamics.singularity import factored_mass
 from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.engines import ENGINES
@@ -294,7 +294,7 @@ class Reordered:
 def _modes(chain: Chain) -> tuple[Array, Array]:
     """ω [rad/s] and d = φᵀ D φ [1/s] of the undamped modes φ; for an unstable mode, ω is its growth rate."""
     q = chain.slightly_bent
-    M, K = regular_mass(chain, q, np.arange(chain.n)), stiffness_matrix(chain, q, np.zeros(chain.n), np.zeros(6))
+    M, K = factored_mass(chain, q, np.arange(chain.n))[0], stiffness_matrix(chain, q, np.zeros(chain.n), np.zeros(6))
     square, φ = scipy.linalg.eigh((K + K.T) / 2, M)
     return np.sqrt(np.abs(square)), np.einsum("im,im->m", φ, chain.times("damping", φ.T).T)
 

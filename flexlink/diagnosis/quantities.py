@@ -20,7 +20,7 @@ from flexlink.common.types import Array
 from flexlink.common.wording import plural
 from flexlink.dynamics import rounding
 from flexlink.dynamics.rounding import in_units
-from flexlink.dynamics.singularity import regular_mass
+from flexlink.dynamics.singularity import factored_mass
 from flexlink.dynamics.terms import elastic_torque, gravity_torque
 from flexlink.engines.base import Engine
 
@@ -123,7 +123,7 @@ def _regular(chain: Chain, candidates: Iterator[Array]) -> Array:
     for q in candidates:
         for _ in range(8):
             try:
-                regular_mass(chain, q, free)
+                factored_mass(chain, q, free)
             except SingularMassError as error:
                 reason, passive = error, np.setdiff1d(free, chain.active)
                 q[passive] = (q[passive] + chain.rest[passive]) / 2

@@ -10,14 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import NO_WRENCH, require_each, require_one_of, vector
 from flexlink.chain.chain import Chain
-from flexlink.chain.free_base import AXES
+from flexlink.chain.coordinates import BASE_AXES
 from flexlink.common.errors import ArgumentError, FlexlinkError, SingularMassError
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.describe.run_settings import ForwardSolver
 from flexlink.dynamics.batches import about_state, is_batch, rows
 from flexlink.dynamics.bound import Bound, bound
-from flexlink.dynamics.forces import all_torques, names_of, world_wrench, world_wrenches
+from flexlink.dynamics.forces import all_torques, world_wrench, world_wrenches
 from flexlink.kernels.bodies.plane import planar_workspace
 from flexlink.kernels.bodies.rne import rne_workspace
 from flexlink.kernels.forward import solvers
@@ -33,20 +33,14 @@ SOLVERS: dict[ForwardSolver, solvers.Solver] = {
 }
 
 
-PITCH = AXES.index(1)
+PITCH = BASE_AXES.index(1)
 """Index of the free base's rotation about Y among the coordinates."""
 
 
 def forward_dynamics(
-    chain: Chain | Sequence[Chain],
-    q: ArrayLike,
-    qd: ArrayLike,
-    tau: ArrayLike,
-    *,
-    tip_wrench: ArrayLike | None = None,
-    frame: Frame = "world",
-    solver: str = "articulated",
-) -> Array:
+    chain: Chain | Sequence[Chain], q: ArrayLike, qd: ArrayLike, tau: ArrayLike, *,
+    tip_wrench: ArrayLike | None = None, frame: Frame = "world", solver: str = "articulated",
+) -> Array:  # fmt: skip
     """Accelerations q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR − T_DRAG.
 
     Pinocchio calls it `aba`, MuJoCo `mj_forward`. A joint with prescribed motion has a constant rate here, q̈ = 0, for
@@ -199,7 +193,8 @@ def _side_by_side(chains: Sequence[Chain], solver: solvers.Solver, states: Seque
 def lanes_workspace(solver: solvers.Solver, chains: Sequence[Chain]) -> Any:
     """Workspace for up to eight chains of one layout without `forces`; the last chain is repeated to fill all lanes."""
     if any(chain.forces for chain in chains):
-        raise ArgumentError(f"{chains[0].name}: {names_of(chains[0])} require chains one by one", id="chains-differ")
+        forces = ", ".join(chains[0].forces)
+        raise ArgumentError(f"{chains[0].name}: {forces} require chains one by one", id="chains-differ")
     if solver.lanes_workspace is None:
         raise ArgumentError("solver: several chains at once require solver 'articulated'", id="needs-another-argument")
     eight = [chains[min(lane, len(chains) - 1)] for lane in range(LANES)]
@@ -217,13 +212,7 @@ def _stacked(records: Sequence[NDArray[np.void]]) -> NDArray[np.void]:
 
 
 def solver_for(chain: Chain, solver: str) -> solvers.Solver:
-    """Return the compiled solver of this name for this chain.
-
-    Raises
-    ------
-    ArgumentError
-        The solver is unknown.
-    """
+    """Return the compiled solver of this name for this chain, or refuse the name."""
     kernel = require_one_of("solver", solver, SOLVERS)
     if chain.shapes is not None:
         return _shaped_solver(chain)

@@ -30,14 +30,9 @@ def is_batch(*state: ArrayLike) -> bool:
 
 
 def rows(n: int, state: dict[str, ArrayLike]) -> list[Array]:
-    """Return the parts of b states, (b, n) each; at least one part is given in this shape, the others may be (n,).
+    """Return the parts of b states, (b, n) each, or refuse them; one is given in this shape, others may be (n,).
 
     Arrays that kernels can read are returned without a copy: copying many states costs as much as their dynamics.
-
-    Raises
-    ------
-    ArgumentError
-        A part has another shape, is not real or not finite; the message names it and the shapes allowed.
     """
     parts = {name: part if _readable(part) else real_array(name, part, (n,)) for name, part in state.items()}
     b, leader = next((len(part), name) for name, part in parts.items() if part.ndim > 1)
@@ -59,13 +54,7 @@ def _readable(part: ArrayLike) -> TypeGuard[Array]:
 
 
 def wrench_rows(tip_wrench: ArrayLike | None, b: int) -> Array:
-    """Return the tip wrench of each of b states, shape (b, 6), from one wrench (6,) or one row per state.
-
-    Raises
-    ------
-    ArgumentError
-        The wrench has another shape, is not real or not finite.
-    """
+    """Return the tip wrench of each of b states, (b, 6), from one wrench (6,) or one row per state, or refuse it."""
     if tip_wrench is None or not is_batch(tip_wrench):
         return np.array(np.broadcast_to(wrench_vector(tip_wrench), (b, 6)))
     wrenches = real_array("tip_wrench", tip_wrench, (6,))
@@ -83,34 +72,13 @@ def about_state(k: int, error: FlexlinkError) -> FlexlinkError:
 
 
 def each(
-    function: Callable[..., R],
-    chain: Chain,
-    state: dict[str, ArrayLike],
-    *,
-    tip_wrench: ArrayLike | None = None,
+    function: Callable[..., R], chain: Chain, state: dict[str, ArrayLike], *, tip_wrench: ArrayLike | None = None,
     **options: object,
-) -> R:
+) -> R:  # fmt: skip
     """Call a function of one state for each of b states; stack its results, or the fields of its `Result`.
 
-    Each result is bitwise equal to the result of a single call.
-
-    Parameters
-    ----------
-    function
-        Function of the chain, the parts of the state and the options.
-    chain
-        The chain.
-    state
-        Parts of the state by name, in order; see `rows`.
-    tip_wrench
-        Tip wrench, for functions that accept one; see `wrench_rows`.
-    options
-        Further arguments, the same for all states.
-
-    Raises
-    ------
-    FlexlinkError
-        As for single states; the message names the state.
+    `state` contains the parts of the state by name, in order, `options` what is the same for all states. Each result is
+    bitwise equal to that of a single call; the message of an error names the state.
     """
     found: list[R] = []
     many = rows(require_type("chain", chain, Chain).n, state)

@@ -57,14 +57,9 @@ class ForwardDerivatives(Result):
 
 
 def inverse_dynamics_derivatives(
-    chain: Chain,
-    q: ArrayLike,
-    qd: ArrayLike,
-    qdd: ArrayLike,
-    *,
-    tip_wrench: ArrayLike | None = None,
+    chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, *, tip_wrench: ArrayLike | None = None,
     frame: Frame = "world",
-) -> InverseDerivatives:
+) -> InverseDerivatives:  # fmt: skip
     """∂τ/∂q, ∂τ/∂q̇ and ∂τ/∂q̈ of `inverse_dynamics`, τ = M(q) q̈ + T_GC(q, q̇), without springs and friction.
 
     Found by an O(n²) recursion, without finite differences (Carpentier & Mansard 2018; Singh, Russell & Wensing 2022).
@@ -112,7 +107,8 @@ def inverse_dynamics_derivatives(
     wrench = world_wrench(chain, q, tip_wrench, frame)
     found = np.empty((3, n, n))
     if not inverse_derivatives(chain)(wrench, q, qd, qdd, found):
-        raise beyond_float64(_of("torques", chain), q=q, qd=qd, qdd=qdd, tip_wrench=wrench, gravity=chain.gravity)
+        what = f"a derivative of the torques of {chain.name!r}"
+        raise beyond_float64(what, q=q, qd=qd, qdd=qdd, tip_wrench=wrench, gravity=chain.gravity)
     if frame == "tip":
         found[0] += _of_turning(chain, q, qd, wrench, tip_wrench)
     found.setflags(write=False)
@@ -120,14 +116,9 @@ def inverse_dynamics_derivatives(
 
 
 def forward_dynamics_derivatives(
-    chain: Chain,
-    q: ArrayLike,
-    qd: ArrayLike,
-    tau: ArrayLike,
-    *,
-    tip_wrench: ArrayLike | None = None,
+    chain: Chain, q: ArrayLike, qd: ArrayLike, tau: ArrayLike, *, tip_wrench: ArrayLike | None = None,
     frame: Frame = "world",
-) -> ForwardDerivatives:
+) -> ForwardDerivatives:  # fmt: skip
     """∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX of `forward_dynamics`, M q̈ = T_EX − T_GC − T_FL − T_FR − T_DRAG.
 
     ∂q̈/∂(q, q̇) = −M⁻¹ ∂(M q̈ + T_GC + T_FL + T_FR + T_DRAG)/∂(q, q̇) at constant q̈. The articulated-body algorithm
@@ -173,14 +164,13 @@ def forward_dynamics_derivatives(
             found.setflags(write=False)  # also makes its parts read-only
             return ForwardDerivatives(found[0], found[1], found[2])  # twice as fast as `*found`
     if is_batch(q, qd, tau):
-        state = {"q": q, "qd": qd, "tau": tau}
-        if require_type("chain", chain, Chain).forces or chain.shapes is not None:
-            return each(forward_dynamics_derivatives, chain, state, tip_wrench=tip_wrench, frame=frame)
-        write = functools.partial(forward_derivatives_of_many, require_type("chain", chain, Chain).arrays)
-        if chain.is_planar:
-            work = lanes_workspace(solver_for(chain, "articulated"), [chain])
-            write = functools.partial(planar_derivatives_of_many, chain.arrays, work)
-        many = _of_many(write, chain.n, state, tip_wrench, frame)
+        state, many = {"q": q, "qd": qd, "tau": tau}, None
+        if not require_type("chain", chain, Chain).forces and chain.shapes is None:
+            write = functools.partial(forward_derivatives_of_many, chain.arrays)
+            if chain.is_planar:
+                work = lanes_workspace(solver_for(chain, "articulated"), [chain])
+                write = functools.partial(planar_derivatives_of_many, chain.arrays, work)
+            many = _of_many(write, chain.n, state, tip_wrench, frame)
         if many is None:
             return each(forward_dynamics_derivatives, chain, state, tip_wrench=tip_wrench, frame=frame)
         return ForwardDerivatives(*many)
@@ -195,7 +185,8 @@ def forward_dynamics_derivatives(
         written = forward_derivatives(chain)(wrench, q, qd, tau, found)
     if not written:
         forward_dynamics(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame)  # raises an error if q̈ does not exist
-        raise beyond_float64(_of("accelerations", chain), q=q, qd=qd, tau=tau, tip_wrench=wrench, gravity=chain.gravity)
+        what = f"a derivative of the accelerations of {chain.name!r}"
+        raise beyond_float64(what, q=q, qd=qd, tau=tau, tip_wrench=wrench, gravity=chain.gravity)
     if frame == "tip":
         free = chain.free
         found[0] -= found[2][:, free] @ _of_turning(chain, q, qd, wrench, tip_wrench)[free]
@@ -262,7 +253,3 @@ def _of_turning(chain: Chain, q: Array, qd: Array, wrench: Array, tip_wrench: Ar
     """Contribution to ∂T_GC/∂q of a wrench that turns with the tip, shape (n, n); `wrench` is in frame 0."""
     along_tip = stiffness_matrix(chain, q, qd, wrench_vector(tip_wrench), True)
     return along_tip - stiffness_matrix(chain, q, qd, wrench, False)
-
-
-def _of(what: str, chain: Chain) -> str:
-    return f"a derivative of the {what} of {chain.name!r}"

@@ -69,16 +69,9 @@ class Equilibrium(SavedResult):
 
 
 def solve_static(
-    chain: Chain,
-    q: ArrayLike | None = None,
-    qd: ArrayLike | None = None,
-    tau: ArrayLike | None = None,
-    *,
-    tip_wrench: ArrayLike | None = None,
-    frame: Frame = "world",
-    locked: Joints = (),
-    tolerance: float = 1e-9,
-) -> Equilibrium:
+    chain: Chain, q: ArrayLike | None = None, qd: ArrayLike | None = None, tau: ArrayLike | None = None, *,
+    tip_wrench: ArrayLike | None = None, frame: Frame = "world", locked: Joints = (), tolerance: float = 1e-9,
+) -> Equilibrium:  # fmt: skip
     """Configuration in which gravity, springs, tip wrench and drive torque balance: T_GC(q, q̇) + T_FL(q) = T_EX.
 
     The load is increased along the equilibrium path by an arc-length Newton method (Riks 1979; Crisfield 1981).
@@ -135,13 +128,9 @@ def solve_static(
     holding = load_torque(chain, posture, rates, wrench, follower) + elastic_torque(chain, posture)
     holding[free] = drive[free]
     return Equilibrium(
-        posture,
-        holding,
-        float(np.abs(equations.value(end)).max()),
-        not equations.falls(end),
-        np.array([np.append(x[0], equations.posture(x)) for x in path]),
-        chain.slides,
-    )
+        posture, holding, float(np.abs(equations.value(end)).max()), not equations.falls(end),
+        np.array([np.append(x[0], equations.posture(x)) for x in path]), chain.slides,
+    )  # fmt: skip
 
 
 def at_rest(equations: Equations, tolerance: float = 1e-9) -> tuple[Array, list[Array]]:
@@ -160,32 +149,23 @@ def at_rest(equations: Equations, tolerance: float = 1e-9) -> tuple[Array, list[
             load=lost.part,
             id="no-equilibrium",
         ) from None
-    if chain.shapes is not None:  # rounded angles are no sum of the shapes
-        return equations.posture(path[-1]), path
-    return _as_known(chain, path[-1][1:], free, rates, wrench), path
-
-
-def _as_known(chain: Chain, q: Array, free: NDArray[np.intp], qd: Array, wrench: Array) -> Array:
-    """Round every spring's deflection to its significant decimals, which the rounding error ΔL of its load determines.
-
-    Decimals below ΔL / Σ_j |K_ij| are meaningless and differ between CPUs. No torque changes by more than its rounding
-    error, and an angle that is 0 by symmetry becomes 0.
-    """
-    q = q.copy()
-    for i, decimals in known_decimals(chain, q, free, qd, wrench):
-        q[i] = chain.rest[i] + round(float(q[i] - chain.rest[i]), decimals)
-    return q
+    posture = equations.posture(path[-1]).copy()
+    if chain.shapes is None:  # rounded angles are no sum of shapes
+        for i, decimals in known_decimals(chain, posture, free, rates, wrench):
+            posture[i] = chain.rest[i] + round(float(posture[i] - chain.rest[i]), decimals)
+    return posture, path
 
 
 def known_decimals(chain: Chain, q: Array, free: NDArray[np.intp], qd: Array, wrench: Array) -> list[tuple[int, int]]:
-    """Indices of the springs, each with the number of significant decimals of its deflection."""
+    """Indices of the springs, each with the decimals that the rounding error ΔL of its load leaves in its deflection.
+
+    Decimals below ΔL / Σ_j |K_ij| are meaningless and differ between CPUs. Without them, no torque changes by more than
+    its rounding error, and an angle that is 0 by symmetry becomes 0.
+    """
     open_ = rounding.of_loads(chain, qd, wrench)
     sprung = free[(chain.stiffness[free] > 0) & (open_[free] > 0)]
     k = linearised(chain, q).times("stiffness", np.ones(chain.n), absolute=True)
     return [(i, math.ceil(math.log10(min(k[i] / open_[i], 1e300)))) for i in sprung.tolist()]
-
-
-# Equilibria of a chain for a sequence of driven-joint angles, as needed for static feed-forward.
 
 
 POSTURES = Memo(64)
@@ -205,15 +185,7 @@ def _static_posture(chain: Chain, q: Array, wrench: Array, frame: Frame) -> Arra
 
 
 def static_postures(chain: Chain, angles: Array) -> Array:
-    """Equilibria (rows, n) of a chain under gravity with its driven joints held at angles (rows, driven) [rad].
-
-    Newton's method finds each equilibrium from the previous one; if it does not converge, `solve_static` is used.
-
-    Raises
-    ------
-    ConvergenceError
-        The arm has no equilibrium for one of the rows.
-    """
+    """Equilibria (rows, n) under gravity with driven joints held at angles (rows, driven) [rad], each from the last."""
     held, q, postures = chain.active, np.zeros(chain.n), np.zeros((len(angles), chain.n))
     free, found = unlocked(chain, held.tolist()), 0
     while found < len(angles):
@@ -224,38 +196,15 @@ def static_postures(chain: Chain, angles: Array) -> Array:
             rest = angles[found:], q.copy(), postures[found:]
             found += follow_equilibria(chain.arrays, held, free, *rest)
             q = postures[found - 1].copy()
-    if chain.shapes is None and (known := known_decimals(chain, q, free, np.zeros(chain.n), np.zeros(6))):
-        i, decimals = (list(part) for part in zip(*known, strict=True))
-        postures[:, i] = chain.rest[i] + _rounded(postures[:, i] - chain.rest[i], decimals)
+    for i, decimals in known_decimals(chain, q, free, np.zeros(chain.n), np.zeros(6)) if chain.shapes is None else ():
+        bent = postures[:, i] - chain.rest[i]
+        postures[:, i] = chain.rest[i] + [round(each, decimals) for each in bent.tolist()]
     return postures
 
 
-def _rounded(x: Array, decimals: list[int]) -> Array:
-    """Round numbers (m, k) like Python's `round`, half to even, by exact products with powers of ten (Dekker 1971)."""
-    exact = 22  # largest power of ten that float64 represents exactly
-    scale, split = np.array([10.0 ** max(each, 0) for each in decimals]), 2.0**27 + 1.0
-    y = x * scale
-    if not all(0 <= each <= exact for each in decimals) or np.abs(y).max(initial=0.0) >= 2.0**52:
-        return np.array([[*map(round, row, decimals)] for row in x.tolist()])
-    (a, b), (c, d) = ((high, z - high) for z in (x, scale) for high in (split * z - (split * z - z),))
-    left = ((a * c - y) + a * d + b * c) + b * d  # rounding error of the product y
-    whole = np.rint(y)
-    above, below = 0.5 - (y - whole), -0.5 - (y - whole)  # range of this error in which `whole` is the nearest integer
-    up = (left > above) | ((left == above) & (whole % 2 == 1))
-    down = (left < below) | ((left == below) & (whole % 2 == 1))
-    return np.asarray((whole + up - down.astype(float)) / scale)
-
-
-# Linear buckling: multiples of the present load at which an arm loses its stiffness.
-
-
 def buckling_loads(
-    chain: Chain,
-    q: ArrayLike | None = None,
-    *,
-    tip_wrench: ArrayLike | None = None,
-    locked: Joints = (),
-) -> Array:
+    chain: Chain, q: ArrayLike | None = None, *, tip_wrench: ArrayLike | None = None, locked: Joints = (),
+) -> Array:  # fmt: skip
     """Load factors at which the arm can buckle: multiples of gravity and tip wrench together (dimensionless).
 
     At a buckling load, K_elastic + s K_load(q) is singular; q is fixed, and joints without springs are locked.

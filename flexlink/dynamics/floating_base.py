@@ -13,13 +13,15 @@ from typing import Any
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.chain.free_base import (
+from flexlink.chain.rigid import (
     angles_of,
+    matrices_from_quaternions,
+    matrix_from_quaternion,
     product_of,
+    quaternion_from_matrix,
     quaternions_of,
     rates_matrices,
-)
-from flexlink.chain.rigid import matrices_from_quaternions, matrix_from_quaternion, quaternion_from_matrix
+)  # fmt: skip
 from flexlink.common.types import Array
 from flexlink.kernels.forward.articulated_rows import BODY_ROW
 from flexlink.kernels.forward.mass_plus_shapes import ShapedPosture
@@ -33,17 +35,7 @@ ANGLES = slice(3, 6)
 
 
 class FloatingBase:
-    """A chain whose base has a changeable reference attitude, and the reference attitude at each sample of a run.
-
-    Attributes
-    ----------
-    original
-        The chain with its initial reference attitude.
-    chain
-        The chain with the present reference attitude.
-    attitude
-        The present reference attitude, a unit quaternion w, x, y, z.
-    """
+    """A chain whose base has a changeable reference attitude, and the reference attitude at each sample of a run."""
 
     def __init__(self, chain: Chain) -> None:
         bodies = chain.bodies.copy()

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import beyond_float64, require_one_of, require_type, vector, wrench_vector
-from flexlink.chain.chain import Chain
-from flexlink.common.errors import ArgumentError
+from flexlink.chain.chain import Chain, merged
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.batches import is_batch, rows, wrench_rows
@@ -72,18 +71,13 @@ def all_torques(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:
     if chain.forces:
         motion_torques(chain.arrays, qs, qds, found)
         if not is_finite(found.reshape(-1)):
-            raise beyond_float64(f"{names_of(chain)} of {chain.name!r}", q=qs, qd=qds)
+            raise beyond_float64(f"{', '.join(chain.forces)} of {chain.name!r}", q=qs, qd=qds)
     return found if many else found[0]
 
 
 def force_slopes(chain: Chain, q: Array, qd: Array) -> tuple[Array, Array]:
     """∂T/∂q [N m/rad] and ∂T/∂q̇ [N m s/rad] of `force_torque` at one state, (n, n) each, exact up to rounding."""
     return _slopes(_with(chain, chain.forces.keys() - POTENTIALS), q, qd)
-
-
-def potential_slopes(chain: Chain, q: Array) -> Array:
-    """∂T/∂q [N m/rad] of the force elements with a potential, shape (n, n)."""
-    return _slopes(with_potential(chain), q, np.zeros(chain.n))[0]
 
 
 def _slopes(chain: Chain, q: Array, qd: Array) -> tuple[Array, Array]:
@@ -113,29 +107,6 @@ def _with(chain: Chain, names: set[str]) -> Chain:
     if len(names) == len(chain.forces):
         return chain
     return dataclasses.replace(chain, forces={name: rows for name, rows in chain.forces.items() if name in names})
-
-
-def names_of(chain: Chain) -> str:
-    """Names of a chain's force elements, for messages."""
-    return ", ".join(chain.forces)
-
-
-def refuse_forces(what: str, chain: Chain, qd: Array | None = None) -> None:
-    """Refuse a chain with force elements without a potential for a method that ignores them, unless it is at rest.
-
-    Raises
-    ------
-    ArgumentError
-        The chain has such force elements, which may act: it moves, or `qd` is not given.
-    """
-    others = [name for name in chain.forces if name not in POTENTIALS]
-    if others and (qd is None or qd.any()):
-        raise ArgumentError(
-            f"{chain.name}: {what} do not support {', '.join(others)}; leave them out", id="arguments-not-counted"
-        )
-
-
-# T_FL of a chain, its tangent stiffness, and matrices of springs and dampers with couplings and their inverse.
 
 
 def spring_torque(chain: Chain, q: Array) -> Array:
@@ -175,11 +146,12 @@ def linearised(chain: Chain, q: Array) -> Chain:
     if not has_potential(chain):
         return chain
     joined = np.eye(chain.n, dtype=bool)
-    for elements in with_potential(chain).forces.values():
+    elastic = with_potential(chain)
+    for elements in elastic.forces.values():
         if "outer" in (elements.dtype.names or ()):
             joined[elements["inner"], elements["outer"]] = True
     i, j = np.nonzero(joined)
-    return _stiffened(chain, i, j, potential_slopes(chain, q)[i, j])
+    return _stiffened(chain, i, j, _slopes(elastic, q, np.zeros(chain.n))[0][i, j])
 
 
 def _stiffened(chain: Chain, i: NDArray[np.intp], j: NDArray[np.intp], values: Array) -> Chain:
@@ -189,18 +161,8 @@ def _stiffened(chain: Chain, i: NDArray[np.intp], j: NDArray[np.intp], values: A
     hinges["stiffness"][i[i == j]] += values[i == j]
     couplings = np.zeros(int((i < j).sum()), COUPLING)
     couplings["inner"], couplings["outer"], couplings["stiffness"] = i[i < j], j[i < j], values[i < j]
-    joined = _joined(np.concatenate([chain.couplings, couplings]))
+    joined = merged(np.concatenate([chain.couplings, couplings]))
     return Chain(chain.name, bodies, hinges, chain.gravity, chain.coordinates, chain.link_names, joined)
-
-
-def _joined(couplings: NDArray[np.void]) -> NDArray[np.void]:
-    """Merge couplings, so that each pair of hinges occurs once."""
-    pairs, pair_index = np.unique(couplings[["inner", "outer"]], return_inverse=True)
-    joined = np.zeros(len(pairs), COUPLING)
-    joined["inner"], joined["outer"] = pairs["inner"], pairs["outer"]
-    for field in ("stiffness", "damping"):
-        np.add.at(joined[field], pair_index, couplings[field])
-    return joined
 
 
 def damping_slope(chain: Chain) -> Array:
@@ -237,9 +199,6 @@ def deflections(chain: Chain, torques: Array) -> Array:
     return angles
 
 
-# What acts on an arm besides gravity: the tip wrench in axes of frame 0, and the gains of a drive.
-
-
 class Gains(NamedTuple):
     """Gains of a drive, T_EX = … − k_p q − k_d q̇, each (n,), or (n, n) if not diagonal [N m/rad, N m s/rad]."""
 
@@ -258,13 +217,7 @@ class Gains(NamedTuple):
 
 
 def turns_with_tip(frame: Frame) -> bool:
-    """Whether a wrench in axes of `frame` turns with the tip.
-
-    Raises
-    ------
-    ArgumentError
-        `frame` is neither "world" nor "tip".
-    """
+    """Whether a wrench in axes of `frame` turns with the tip; refuses other frames than "world" and "tip"."""
     return require_one_of("frame", frame, {"world": False, "tip": True})
 
 

@@ -73,6 +73,6 @@ def state_names(chain: Chain) -> tuple[str, ...]:
 
 
 def input_names(chain: Chain) -> tuple[str, ...]:
-    """Names and units of the torques of driven joints, or of their accelerations if their motion is prescribed."""
+    """Names and units of the torques of driven joints, or of their accelerations if they are held."""
     given, units = chain.held.tolist(), (chain.torque_units, [f"{unit}/s²" for unit in chain.joint_units])
     return tuple(f"{('tau', 'qdd')[given[k]]} {chain.joint_name(k)} [{units[given[k]][k]}]" for k in chain.active)

@@ -17,32 +17,18 @@ from flexlink.kernels.inputs.record import Inputs
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class InitialValueProblem:
-    """The initial value problem M q̈ + T_GC + T_FL + T_FR = T_EX with given q(t₀) and q̇(t₀).
+    """The initial value problem M q̈ + T_GC + T_FL + T_FR = T_EX with given q(t₀) and q̇(t₀)."""
 
-    Attributes
-    ----------
-    scene
-        The scene; its `run` specifies the integration.
-    chain
-        The chain that moves.
-    inputs
-        Inputs: drive, prescribed motions, tip wrench.
-    q, qd
-        Initial angles [rad] and rates [rad/s], shape (n,); read-only by convention.
-    base
-        Reference attitude of a chain with a free base; `chain` is then `base.chain`.
-    """
-
-    scene: Scene
-    chain: Chain
-    inputs: Inputs
-    q: Array
+    scene: Scene  # its `run` specifies the integration
+    chain: Chain  # the chain that moves
+    inputs: Inputs  # drive, motions that are given, tip wrench
+    q: Array  # (n,) initial angles [rad] and rates [rad/s]; read-only by convention
     qd: Array
-    base: FloatingBase | None = None
+    base: FloatingBase | None = None  # reference attitude of a floating base; `chain` is then `base.chain`
 
     @property
     def original(self) -> Chain:
-        """The chain with the initial reference attitude of its free base, however far a run has progressed."""
+        """The chain with the initial reference attitude of its floating base, however far a run has progressed."""
         return self.chain if self.base is None else self.base.original
 
     @property

@@ -13,6 +13,8 @@ O(n): ∂F/∂q is eliminated along the chain (`kernels.derivatives.small_motion
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from flexlink.chain.chain import Chain
@@ -56,51 +58,60 @@ class Equations:
     `acting` is the initial configuration with its loads, `drive` are the torques T_EX.
     """
 
+    motion: Any = None  # a SmallMotion of the hinges
+
     def __init__(self, chain: Chain, acting: LoadedState, drive: Array) -> None:
         self.chain, self.acting, self.drive = chain, acting, drive
-        self.locked = np.ones(chain.n, dtype=bool)
-        self.locked[acting.free] = False
-        start, rates, wrench, follower, _ = acting
-        self.sprung = linearised(chain, start).stiffness > 0
-        self.motion = SmallMotion(chain, start, rates, wrench, follower, self.locked)
-        self.start = np.concatenate([[0.0], start])
-        self.sizes = rounding.largest_load_stiffness(chain, rates, wrench)
-        self.scales = np.concatenate([[1.0], rounding.scales(chain)])  # units of x in the arc length
-        self.held = spring_torque(chain, start) + np.where(self.sprung, 0.0, self.load(start))
+        self.stiffness = linearised(chain, acting.q).stiffness
+        self.sizes = rounding.largest_load_stiffness(chain, acting.qd, acting.wrench)
+        self.scales = np.append(1.0, rounding.scales(chain))  # units of x in the arc length
+        self.begin()
+        self.sprung = self.stiffness > 0
+        load = self.on(self.load(acting.q))
+        self.held = self.on(spring_torque(chain, acting.q)) + np.where(self.sprung, 0.0, load)
+
+    def begin(self) -> None:
+        """Choose the coordinates of the path and its start."""
+        self.motion = SmallMotion(self.chain, *self.acting)
+        self.start = np.append(0.0, self.acting.q)
 
     def posture(self, x: Array) -> Array:
         """Angles q (n,) of a point of the path."""
         return x[1:]
 
+    def on(self, torques: Array) -> Array:
+        """Torques of the joints (n,) on the coordinates of the path."""
+        return np.where(self.motion.locked, 0.0, torques)
+
     def falls(self, x: Array) -> bool:
         """Whether an equilibrium is unstable under the full load."""
-        _, rates, wrench, follower, free = self.acting
-        return falls(self.chain, self.posture(x), rates, wrench, free, follower, self.motion)
+        return falls(self.chain, self.acting._replace(q=self.posture(x)), self.motion)
 
     def load(self, q: Array) -> Array:
         """L(q)."""
-        _, rates, wrench, follower, _ = self.acting
-        return load_torque(self.chain, q, rates, wrench, follower) - self.drive
+        return load_torque(self.chain, q, *self.acting[1:4]) - self.drive
 
     def value(self, x: Array) -> Array:
         """F(x)."""
-        return self._value(x, self.load(x[1:]))
-
-    def _value(self, x: Array, load: Array) -> Array:
-        s, q = x[0], x[1:]
-        loaded = np.where(self.sprung, s, 1.0) * load
-        left = spring_torque(self.chain, q) + loaded - (1 - s) * self.held
-        return np.where(self.locked, 0.0, left)
+        return self._value_and_slope(x)[0]
 
     def with_slope(self, x: Array) -> tuple[Array, Array]:
-        """F(x) and ∂F/∂s at x; factorizes ∂F/∂q for `solve`."""
-        s, q = x[0], x[1:]
-        load, w = self.load(q), np.where(self.sprung, s, 1.0)
-        by_s = np.where(self.sprung, load, 0.0) + self.held
+        """F(x) and ∂F/∂s at x; prepares ∂F/∂q for `solve`."""
+        self.prepare(self.posture(x), np.where(self.sprung, x[0], 1.0))
+        return self._value_and_slope(x)
+
+    def _value_and_slope(self, x: Array) -> tuple[Array, Array]:
+        s, q = x[0], self.posture(x)
+        load = self.on(self.load(q))
+        loaded = np.where(self.sprung, s, 1.0) * load
+        left = self.on(spring_torque(self.chain, q)) + loaded - (1 - s) * self.held
+        return left, np.where(self.sprung, load, 0.0) + self.held
+
+    def prepare(self, q: Array, w: Array) -> None:
+        """Factorize ∂F/∂q at angles q, with the part w of the loads on each coordinate."""
         self.motion.set_position(q)
         stiffness = np.abs(linearised(self.chain, q).stiffness)
         self.motion.eliminate(K_ALONE, w, stiffness + np.abs(w) * self.sizes)
-        return self._value(x, load), np.where(self.locked, 0.0, by_s)
 
     def solve(self, by_s: Array, row: Array, residual: Array, last: float, *, held: bool = False) -> Array:
         """Shortest solution (δs, δq) of F' δx = residual (n,) and row · δx = last, shape (1 + n,), or nan.
@@ -142,10 +153,7 @@ class Equations:
 
 
 def shortest(A: Array, b: Array, sizes: Array, rounding: float) -> Array:
-    """Shortest solution of A x = b; nan if there is none. `sizes` are the magnitudes of the terms in each row.
-
-    A row whose entries are below its rounding error is treated as 0.
-    """
+    """Shortest solution of A x = b, or nan; rows below the rounding error of terms of magnitude `sizes` are 0."""
     scaled, right = A / sizes[:, None], b / sizes
     if not (np.isfinite(scaled).all() and np.isfinite(right).all()):
         return np.full(len(b), np.nan)
@@ -240,7 +248,7 @@ def _correct(equations: Equations, target: Array, row: Array, tolerance: float) 
     return None, CORRECTIONS
 
 
-# Equilibria of a chain whose hinges move by shapes, q = q₀ + B z: the load path of `load_path` in the coordinates z.
+# Equilibria of a chain whose hinges move by shapes, q = q₀ + B z: the load path in the coordinates z.
 #
 # F(z, s) = Bᵀ (T_FL(q) + s L(q) − (1 − s) T_FL(q₀))        coordinates with springs; the others under the full load
 
@@ -248,42 +256,30 @@ def _correct(equations: Equations, target: Array, row: Array, tolerance: float) 
 class ShapedEquations(Equations):
     """F(x) for x = (s, z), shape (1 + f,), and its derivatives; locked coordinates are not among z."""
 
-    def __init__(self, chain: Chain, acting: LoadedState, drive: Array) -> None:
-        start, rates, wrench, _, free = acting
-        self.chain, self.acting, self.drive, self.B = chain, acting, drive, basis(chain, free)
-        self.square = sums_of_squares(linearised(chain, start).stiffness, chain, free)
-        self.sprung = self.square > 0
-        self.start = np.zeros(1 + self.B.shape[1])
-        self.sizes = sums_of_squares(rounding.largest_load_stiffness(chain, rates, wrench), chain, free)
-        self.scales = np.append(1.0, rounding.scales(chain)[first_joints(chain, free)])
-        self.rounding = len(self.square) * rounding.of_load_stiffness(chain)
-        self.held = self.B.T @ spring_torque(chain, start) + np.where(self.sprung, 0.0, self.B.T @ self.load(start))
-        self.slope, self.terms = np.zeros((len(self.square),) * 2), np.ones(len(self.square))
+    def begin(self) -> None:
+        """Choose the coordinates of the path and its start."""
+        chain, free = self.chain, self.acting.free
+        self.B = basis(chain, free)
+        self.stiffness = sums_of_squares(self.stiffness, chain, free)
+        self.sizes = sums_of_squares(self.sizes, chain, free)
+        self.scales = np.append(1.0, self.scales[1:][first_joints(chain, free)])
+        self.start = np.zeros(len(self.scales))
+        self.rounding = len(self.sizes) * rounding.of_load_stiffness(chain)
 
     def posture(self, x: Array) -> Array:
         """Angles q (n,) of a point of the path."""
         return np.asarray(self.acting.q + self.B @ x[1:])
 
-    def falls(self, x: Array) -> bool:
-        """Whether an equilibrium is unstable under the full load."""
-        _, rates, wrench, follower, free = self.acting
-        return falls(self.chain, self.posture(x), rates, wrench, free, follower)
+    def on(self, torques: Array) -> Array:
+        """Torques of the joints (n,) on the coordinates of the path."""
+        return np.asarray(self.B.T @ torques)
 
-    def value(self, x: Array) -> Array:
-        """F(x)."""
-        s, q = x[0], self.posture(x)
-        loaded = np.where(self.sprung, s, 1.0) * (self.B.T @ self.load(q))
-        return np.asarray(self.B.T @ spring_torque(self.chain, q) + loaded - (1 - s) * self.held)
-
-    def with_slope(self, x: Array) -> tuple[Array, Array]:
-        """F(x) and ∂F/∂s at x; computes ∂F/∂z for `solve`."""
-        q, w = self.posture(x), np.where(self.sprung, x[0], 1.0)
-        _, rates, wrench, follower, _ = self.acting
+    def prepare(self, q: Array, w: Array) -> None:
+        """Compute ∂F/∂z at angles q, with the part w of the loads on each coordinate."""
         elastic = about(self.chain, q).matrix("stiffness")
-        whole = stiffness_matrix(self.chain, q, rates, wrench, follower)
+        whole = stiffness_matrix(self.chain, q, *self.acting[1:4])
         self.slope = self.B.T @ elastic @ self.B + w[:, None] * (self.B.T @ (whole - elastic) @ self.B)
-        self.terms = self.square + np.abs(w) * self.sizes
-        return self.value(x), np.where(self.sprung, self.B.T @ self.load(q), 0.0) + self.held
+        self.terms = self.stiffness + np.abs(w) * self.sizes
 
     def solve(self, by_s: Array, row: Array, residual: Array, last: float, *, held: bool = False) -> Array:
         """Shortest solution (δs, δz) of F' δx = residual and row · δx = last, or nan; `held` adds weak springs."""

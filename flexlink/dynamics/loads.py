@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import beyond_float64, require_type, vector
-from flexlink.chain.branches import of_parents
 from flexlink.chain.chain import Chain
-from flexlink.chain.layout import spans_of, sums_inward
+from flexlink.chain.layout import of_parents, spans_of, sums_inward
 from flexlink.common.products import cross
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
@@ -66,14 +65,9 @@ class InternalLoads(Result):
 
 
 def internal_loads(
-    chain: Chain,
-    q: ArrayLike,
-    qd: ArrayLike,
-    qdd: ArrayLike,
-    *,
-    tip_wrench: ArrayLike | None = None,
+    chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, *, tip_wrench: ArrayLike | None = None,
     frame: Frame = "world",
-) -> InternalLoads:
+) -> InternalLoads:  # fmt: skip
     """Axial force, shear, torque and bending moment at every hinge and joint.
 
     They follow from the given motion alone, whatever the drive; for a simulation use `run.loads`. If q̈ is from

@@ -32,44 +32,16 @@ ENOUGH_HINGES = 3
 
 
 def notes(scene: Scene) -> tuple[Diagnostic, ...]:
-    """Return notes on probably unintended input: keys without effect, an unusual start. Each note names a remedy.
-
-    Parameters
-    ----------
-    scene
-        The scene. Its chain is built, but nothing is solved.
-
-    Returns
-    -------
-    tuple of Diagnostic
-        A string of one line for each note; empty if there are none.
-
-    Raises
-    ------
-    ArgumentError
-        `scene` is not a Scene.
-    """
+    """Notes on probably unintended input: keys without effect, an unusual start. Each names a remedy."""
     require_type("scene", scene, Scene)
     start = _parallel_gravity, _odd_reference, slack_springs, unheld_joints, weak_gains, weak_drives, balance
-    unused = _unused_static_start, _unused_torques, _unused_targets, _unused_link_keys, _centers_without_mass
     unusual = _tip_without_length, _falling_base, _few_hinges, _on_edge
     with np.errstate(all="ignore"):  # values beyond float64 are refused when a run is built from them
-        return *(note for each in (*start, *unused, *unusual) for note in each(scene)), *of_odd_bodies(scene.arm)
+        return *(note for each in (*start, _unused, *unusual) for note in each(scene)), *of_odd_bodies(scene.arm)
 
 
 def defaults(scene: Scene) -> tuple[Diagnostic, ...]:
-    """Report defaults that determine the result: gravity, the width of dry friction, and the step or tolerance.
-
-    Parameters
-    ----------
-    scene
-        The scene.
-
-    Returns
-    -------
-    tuple of Diagnostic
-        A string of one line for each default; empty if there are none.
-    """
+    """Defaults that determine the result: gravity, the width of dry friction, and the step or tolerance."""
     return tuple(note for each in (_unsaid_gravity, _width_of_friction, _unsaid_steps) for note in each(scene))
 
 
@@ -176,25 +148,31 @@ def _odd_reference(scene: Scene) -> Iterator[Diagnostic]:
         yield Diagnostic(f"drive.reference: {text}", "reference-cut-off")
 
 
-def _unused_static_start(scene: Scene) -> Iterator[Diagnostic]:
+def _unused(scene: Scene) -> Iterator[Diagnostic]:
+    """Settings without effect."""
+    for each in (_unused_drive, _unused_targets, _unused_link_keys, _centers_without_mass):
+        for key, why in each(scene):
+            yield Diagnostic(f"{key}; {why}", "no-effect")
+
+
+Unused = Iterator[tuple[str, str]]
+"""What has no effect, and why."""
+
+
+def _unused_drive(scene: Scene) -> Unused:
+    """Springs of rigid links bend no further; a prescribed joint gets the torque that its motion requires."""
     if scene.initial.passive == "static" and not any(link.elastic for link in scene.arm.links):
-        yield Diagnostic("initial.passive = 'static': has no effect; all links are rigid", "no-effect")
-
-
-def _unused_torques(scene: Scene) -> Iterator[Diagnostic]:
-    """A prescribed joint gets the torque that its motion requires; the drive does not affect it."""
+        yield "initial.passive = 'static': has no effect", "all links are rigid"
     drive = scene.drive
     for motion in scene.motion:
         k = scene.arm.number(motion.link) - 1
         keys = ["torque"] if drive.torque and drive.torque[k] else []
         keys += ["torques"] if any(row[k] for row in drive.torques or ()) else []
         for key in keys:
-            yield Diagnostic(
-                f"drive.{key}: has no effect on {motion.link!r}; the motion of this joint is prescribed", "no-effect"
-            )
+            yield f"drive.{key}: has no effect on {motion.link!r}", "the motion of this joint is prescribed"
 
 
-def _unused_targets(scene: Scene) -> Iterator[Diagnostic]:
+def _unused_targets(scene: Scene) -> Unused:
     """A locked joint stays at its initial position, whatever its target."""
     drive, reference = scene.drive, scene.drive.reference
     targets = {"target_deg": drive.target_deg, "target_m": drive.target_m}
@@ -202,11 +180,9 @@ def _unused_targets(scene: Scene) -> Iterator[Diagnostic]:
     for key, values in targets.items():
         for k, link in enumerate(scene.arm.links):
             if link.joint.locked and values and values[k] and values[k] != scene.starts[k]:
-                yield Diagnostic(
-                    f"{scene.arm.path(k + 1, f'drive.{key}')} = {values[k]:g}: has no effect; the joint of "
-                    f"{link.name!r} is locked; set joint.locked = false",
-                    "no-effect",
-                )
+                path = scene.arm.path(k + 1, f"drive.{key}")
+                why = f"the joint of {link.name!r} is locked; set joint.locked = false"
+                yield f"{path} = {values[k]:g}: has no effect", why
 
 
 def _tip_without_length(scene: Scene) -> Iterator[Diagnostic]:
@@ -245,20 +221,20 @@ def _few_hinges(scene: Scene) -> Iterator[Diagnostic]:
             )
 
 
-def _centers_without_mass(scene: Scene) -> Iterator[Diagnostic]:
+def _centers_without_mass(scene: Scene) -> Unused:
     bodies = {"tip": scene.arm.tip}
     for k, link in enumerate(scene.arm.links, 1):
         path = scene.arm.path(k)
         bodies |= {f"{path}.hub": link.hub, f"{path}.end": link.end}
     for key, body in bodies.items():
         if any(body.center) and not body.mass:
-            yield Diagnostic(f"{key}.center = {body.center!r}: has no effect; the body has no mass", "no-effect")
+            yield f"{key}.center = {body.center!r}: has no effect", "the body has no mass"
 
 
-def _unused_link_keys(scene: Scene) -> Iterator[Diagnostic]:
+def _unused_link_keys(scene: Scene) -> Unused:
     for k, link in enumerate(scene.arm.links, 1):
         for key, value, why in _idle(link):
-            yield Diagnostic(f"{scene.arm.path(k)}.{key} = {value!r}: has no effect; {why}", "no-effect")
+            yield f"{scene.arm.path(k)}.{key} = {value!r}: has no effect", why
 
 
 def _idle(link: Link) -> Iterator[tuple[str, object, str]]:
@@ -273,9 +249,6 @@ def _idle(link: Link) -> Iterator[tuple[str, object, str]]:
             value = getattr(link.joint, key)
             if value != getattr(Joint(), key):
                 yield f"joint.{key}", value, f"the joint of {link.name!r} is locked"
-
-
-# Notes on a scene whose start is probably not what was intended; each names the cause and the remedy.
 
 
 VISIBLE_DROP = 1e-4
@@ -303,7 +276,9 @@ def slack_springs(scene: Scene) -> Iterator[Diagnostic]:
     if hints(scene):  # a wrong unit explains a large drop better
         return
     chain = lump(scene)
-    drop = _drop(chain, _angles(scene, chain))
+    q = _angles(scene, chain)
+    bent = q - deflections(chain, gravity_torque(chain, q))  # to first order
+    drop = float(np.linalg.norm(tip_position(chain, bent) - tip_position(chain, q)))
     if drop > VISIBLE_DROP * chain.size:
         yield Diagnostic(
             f"initial.passive = 'zero', the default: the springs start slack while {fed} holds the joints, so the "
@@ -316,16 +291,15 @@ def unheld_joints(scene: Scene) -> Iterator[Diagnostic]:
     """Warn if undriven joints fall while others are driven."""
     if scene.drive.kind == "none" or not any(scene.gravity):
         return
-    moved = {scene.arm.number(motion.link) - 1 for motion in scene.motion}
-    chain = lump(scene)
-    pulled = np.abs(gravity_torque(chain, _angles(scene, chain)))
-    names, small = [], BALANCED * chain.weight * np.where(chain.slides, 1.0, chain.size)
-    for joint in chain.active:
-        k = chain.coordinates[int(joint)].link - 1
-        joint_data = scene.arm.links[k].joint
-        free = not (joint_data.viscous or joint_data.coulomb or _driven(scene, k))
-        if k not in moved and pulled[joint] > small[joint] and free:
-            names.append(scene.arm.links[k].name)
+    moved, drive = {scene.arm.number(motion.link) for motion in scene.motion}, scene.drive
+    driven = [row for row in (drive.torque, drive.kp, drive.kd, *(drive.torques or ())) if row is not None]
+    chain, pulls = _pulls(scene)
+    names, small = [], _small(chain)
+    for k, number, pulled in pulls:
+        joint = scene.arm.links[number - 1].joint
+        held = joint.viscous or joint.coulomb or any(row[number - 1] for row in driven)
+        if number not in moved and pulled > small[k] and not held:
+            names.append(scene.arm.links[number - 1].name)
     if names:
         yield Diagnostic(
             f"drive.kind = {scene.drive.kind!r}: gravity moves {short_list(names)}, with no drive or friction; add a "
@@ -339,10 +313,8 @@ def weak_gains(scene: Scene) -> Iterator[Diagnostic]:
     drive = scene.drive
     if drive.kind != "pd" or drive.kp is None or drive.gravity != "none" or not any(scene.gravity):
         return
-    chain = lump(scene)
-    pulled = np.abs(gravity_torque(chain, _angles(scene, chain)))
-    for joint in chain.active:
-        k, needed = chain.coordinates[int(joint)].link, float(pulled[joint])
+    chain, pulls = _pulls(scene)
+    for joint, k, needed in pulls:
         gain = drive.kp[k - 1]
         if not chain.slides[joint] and 0 < gain < needed:
             weight = f"the weight, {needed:.3g} N m"
@@ -358,16 +330,14 @@ def weak_drives(scene: Scene) -> Iterator[Diagnostic]:
     effort = scene.drive.effort
     if effort is None or not any(scene.gravity):
         return
-    chain = lump(scene)
-    pulled = np.abs(gravity_torque(chain, _angles(scene, chain)))
-    for joint in chain.active:
-        k, unit = chain.coordinates[int(joint)].link, chain.torque_units[joint]
-        limit, needed = effort[k - 1], float(pulled[joint])
+    chain, pulls = _pulls(scene)
+    for k, number, needed in pulls:
+        limit, unit = effort[number - 1], chain.torque_units[k]
         if limit < needed:
             # a limit below a twentieth of the holding torque suggests a wrong unit
             in_k = f", or if given in k{unit}, {1000 * limit:g} {unit}" if 20 * limit < needed <= 1000 * limit else ""
             yield Diagnostic(
-                f"{scene.arm.path(k, 'drive.effort')} = {limit:g} {unit}: holding the initial configuration takes "
+                f"{scene.arm.path(number, 'drive.effort')} = {limit:g} {unit}: holding the initial configuration takes "
                 f"{needed:.3g} {unit}, so the joint gives way; give a larger limit{in_k}",
                 "weak-drive",
             )
@@ -381,25 +351,20 @@ def balance(scene: Scene) -> Iterator[Diagnostic]:
         return
     chain = lump(scene)
     q = _angles(scene, chain)
-    small = BALANCED * chain.weight * np.where(chain.slides, 1.0, chain.size)
+    small = _small(chain)
     if (np.abs(gravity_torque(chain, q) + elastic_torque(chain, q)) > small).any():
         return
     if not (np.abs(gravity_torque(chain, q + 0.1)) > small).any():
         return  # gravity drives no joint in any configuration
-    unstable = _is_unstable(chain, q)
+    unstable = False
+    if chain.n <= MAX_JOINTS:
+        K = stiffness_matrix(chain, q, np.zeros(chain.n), np.zeros(6))
+        unstable = bool(np.isfinite(K).all() and np.linalg.eigvalsh(K)[0] < 0)
     how = "in unstable equilibrium and hardly moves for a long time" if unstable else "in equilibrium and stays there"
     yield Diagnostic(
         f"initial.joint_deg = {list(initial.joint_deg)}: the arm starts {how}; change the angles, or apply a load",
         "unstable-equilibrium" if unstable else "equilibrium",
     )
-
-
-def _is_unstable(chain: Chain, q: Array) -> bool:
-    """Whether the equilibrium is unstable; False for long chains, for which the check would take seconds."""
-    if chain.n > MAX_JOINTS:
-        return False
-    K = stiffness_matrix(chain, q, np.zeros(chain.n), np.zeros(6))
-    return bool(np.isfinite(K).all() and np.linalg.eigvalsh(K)[0] < 0)
 
 
 def _angles(scene: Scene, chain: Chain) -> Array:
@@ -409,14 +374,13 @@ def _angles(scene: Scene, chain: Chain) -> Array:
     return q
 
 
-def _drop(chain: Chain, q: Array) -> float:
-    """First-order estimate of how far the tip drops under gravity from the configuration with slack springs [m]."""
-    bent = q - deflections(chain, gravity_torque(chain, q))
-    return float(np.linalg.norm(tip_position(chain, bent) - tip_position(chain, q)))
+def _pulls(scene: Scene) -> tuple[Chain, list[tuple[int, int, float]]]:
+    """The chain, and for each driven joint its index, the number of its link, and the load of gravity at the start."""
+    chain = lump(scene)
+    pulled = np.abs(gravity_torque(chain, _angles(scene, chain)))
+    return chain, [(k, chain.coordinates[k].link, float(pulled[k])) for k in chain.active.tolist()]
 
 
-def _driven(scene: Scene, k: int) -> bool:
-    """Whether the drive acts on the joint of link k, counted from 0."""
-    drive = scene.drive
-    rows = [drive.torque, drive.kp, drive.kd, *(drive.torques or ())]
-    return any(row is not None and row[k] != 0 for row in rows)
+def _small(chain: Chain) -> Array:
+    """Load of gravity below which a joint hardly moves, (n,)."""
+    return np.asarray(BALANCED * chain.weight * np.where(chain.slides, 1.0, chain.size))

@@ -193,13 +193,7 @@ def jacobian_columns(chain: Chain) -> Bound:
 
 
 def body_number(chain: Chain, body: int, tip: str | int | None) -> int:
-    """Index of a body, given by its number or as the tip frame of a link.
-
-    Raises
-    ------
-    ArgumentError
-        The body does not exist, or the link has child links.
-    """
+    """Index of a body, given by its number or as the tip frame of a link; refuses others."""
     m = len(require_type("chain", chain, Chain).bodies)
     if tip is None and type(body) is int and body == -1:  # the most frequent case, without further checks
         return m - 1

@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import beyond_float64, require_type, vector
-from flexlink.chain.branches import of_parents
 from flexlink.chain.chain import Chain
-from flexlink.chain.layout import Branch, spans_of, sums_outward
-from flexlink.common.errors import ArgumentError
+from flexlink.chain.layout import Branch, of_parents, spans_of, sums_outward
+from flexlink.common.errors import FlexlinkError
 from flexlink.common.products import cross
 from flexlink.common.types import Array
 from flexlink.dynamics.batches import about_state, is_batch, rows
@@ -108,15 +107,9 @@ class PointMotion(Result):
 
 
 def point_motion(
-    chain: Chain,
-    q: ArrayLike,
-    qd: ArrayLike,
-    qdd: ArrayLike,
-    *,
-    body: int = -1,
-    tip: str | int | None = None,
+    chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, *, body: int = -1, tip: str | int | None = None,
     point: ArrayLike = (0.0, 0.0, 0.0),
-) -> PointMotion:
+) -> PointMotion:  # fmt: skip
     """Return position, velocity and acceleration of a point of a body, and readings of an inertial sensor (IMU) there.
 
     The accelerometer reads a − g in axes of the link: at rest an upward 9.81 m/s², in free fall zero.
@@ -163,8 +156,12 @@ def point_motion(
     q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
     position, velocity, acceleration, seen, spin = _of_point(chain, body_motion(chain, q, qd, qdd), i, axes @ offset)
     if not is_finite(np.concatenate([position, velocity, acceleration, seen, spin])):
-        raise beyond_float64("the motion of the point", q=q, qd=qd, qdd=qdd, point=offset, gravity=chain.gravity)
+        raise _overflow(chain, q, qd, qdd, offset)
     return PointMotion(position, velocity, acceleration, seen @ axes, spin @ axes)
+
+
+def _overflow(chain: Chain, q: Array, qd: Array, qdd: Array, point: Array) -> FlexlinkError:
+    return beyond_float64("the motion of the point", q=q, qd=qd, qdd=qdd, point=point, gravity=chain.gravity)
 
 
 def motion_in_body(chain: Chain, q: Array, qd: Array, qdd: Array, *, body: int, point: Array) -> PointMotion:
@@ -174,10 +171,7 @@ def motion_in_body(chain: Chain, q: Array, qd: Array, qdd: Array, *, body: int, 
         part = slice(start, start + BATCH)
         found[:, part] = _of_point(chain, body_motions(chain, q[part], qd[part], qdd[part]), body, point)
     for k in np.flatnonzero(~np.isfinite(found).all(axis=(0, 2)))[:1].tolist():
-        try:
-            point_motion(chain, q[k], qd[k], qdd[k], body=body, point=point @ chain.described["link"][body])
-        except ArgumentError as error:
-            raise about_state(k, error) from None
+        raise about_state(k, _overflow(chain, q[k], qd[k], qdd[k], point @ chain.described["link"][body]))
     return PointMotion(*found)
 
 
@@ -215,10 +209,7 @@ def _in_axes_of(R: Array, v: Array) -> Array:
 def point_slopes(
     chain: Chain, q: Array, qd: Array, qdd: Array, body: int, point: Array
 ) -> dict[str, tuple[Array, ...]]:
-    """Derivatives of each result of `point_motion` with respect to q, q̇ and q̈, (3, n) each, except those that vanish.
-
-    The state is (n,); the point of the body is given in axes of the body [m].
-    """
+    """Derivatives by q, q̇ and q̈, (3, n) each, of results of `point_motion` at a state (n,), unless they vanish."""
     moving, beyond = body_motion(chain, q, qd, qdd), hinge_bodies(chain)
     R, ω_P, α_P = moving.rotations[body], moving.angular_velocity[body], moving.angular_acceleration[body]
     c = R @ point

@@ -92,13 +92,7 @@ def _field(array: np.ndarray[Any, Any]) -> Any:
 
 
 def archive_path(path: str | Path) -> Path:
-    """Return `path`, whose name must end in .npz.
-
-    Raises
-    ------
-    ArgumentError
-        The name does not end in .npz, or `path` is not a path.
-    """
+    """Return `path`, whose name must end in .npz."""
     path = require_path("path", path)
     if path.suffix != ".npz":
         raise ArgumentError(f"{str(path)!r}: unknown format; expected a name that ends in .npz", id="unknown-format")
@@ -115,15 +109,7 @@ def write_archive(path: Path, values: dict[str, Any]) -> None:
 
 
 def read_archive(path: str | Path) -> dict[str, np.ndarray[Any, Any]]:
-    """Return all arrays of an .npz archive by name.
-
-    Raises
-    ------
-    ArgumentError
-        The name does not end in .npz.
-    DataFileError
-        The file is missing, a pipe, damaged, or not an .npz archive, or unfolds to far more bytes than it has.
-    """
+    """Return all arrays of an .npz archive by name; refuses files that are damaged, or unfold to far more bytes."""
     path = archive_path(path)
     data = read_regular(path, largest=10_000_000_000, error=DataFileError)
     try:

@@ -84,25 +84,8 @@ def of_residual(
 ) -> float:
     """Rounding error of each joint's torque M Δq̈ when the equation of motion is solved for q̈ [N m].
 
-    Parameters
-    ----------
-    chain
-        The chain.
-    q, qd, qdd, tau
-        Angles [rad], rates [rad/s], accelerations [rad/s²] and drive torques [N m], shape (n,). To compare two
-        solutions, pass the larger q̈ of the two at every joint.
-    tip_wrench
-        Force and moment on the tip, frame 0, shape (6,) [N, N m].
-
-    Returns
-    -------
-    float
-        ε (M* (Σ_k |q̈_k| + ω²) + T_G* + T_W* + max |T_EX, T_FL, T_FR|), T_FL and T_FR without cancellation.
-
-    Raises
-    ------
-    ArgumentError
-        An argument has the wrong shape, is not real or not finite.
+    It is ε (M* (Σ_k |q̈_k| + ω²) + T_G* + T_W* + max |T_EX, T_FL, T_FR|), T_FL and T_FR without cancellation. To
+    compare two solutions, pass the larger q̈ of the two at every joint.
     """
     own = np.abs([vector("tau", tau, chain.n), _elastic_size(chain, q), _friction_size(chain, qd)]).max()
     return _along(chain) * float(_inertial(chain, q, qd, qdd, tip_wrench) + own)
@@ -117,14 +100,9 @@ def of_acceleration(
 
 
 def acceleration_error(
-    chain: Chain,
-    q: ArrayLike,
-    qd: ArrayLike,
-    tau: ArrayLike,
-    *,
-    solutions: tuple[ArrayLike, ArrayLike],
+    chain: Chain, q: ArrayLike, qd: ArrayLike, tau: ArrayLike, *, solutions: tuple[ArrayLike, ArrayLike],
     tip_wrench: ArrayLike | None = None,
-) -> Array:
+) -> Array:  # fmt: skip
     """Difference of two solutions q̈ as |M Δq̈| / `of_residual`, shape (n,); rounding errors explain values ≤ 1."""
     one, other = (np.asarray(qdd, dtype=np.float64) for qdd in solutions)
     if not (np.isfinite(one).all() and np.isfinite(other).all()):
@@ -267,10 +245,7 @@ def largest_load_stiffness(chain: Chain, qd: Array, wrench: Array) -> Array:
 
 
 def of_loads(chain: Chain, qd: Array, wrench: Array) -> Array:
-    """Rounding error of each T_GC in any configuration, shape (n,) [N m].
-
-    A load is rotated once and summed once in each of b bodies; each body adds an error of 8 eps times its terms.
-    """
+    """Rounding error of each T_GC in any configuration, (n,) [N m]: 8 eps of each load in each body."""
     return 8 * len(chain.bodies) * EPS * largest_loads(chain, qd, wrench)
 
 

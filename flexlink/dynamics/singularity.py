@@ -19,11 +19,7 @@ from flexlink.kernels.forward.solvers import ARTICULATED, Solver
 def no_acceleration(chain: Chain, solver: Solver, wrench: Array, q: Array, qd: Array, tau: Array) -> FlexlinkError:
     """Return the error for a state whose q̈ is not finite.
 
-    Returns
-    -------
-    FlexlinkError
-        SingularMassError, which names the joint and its angles, if q̈ is not finite even at rest and without loads.
-        Otherwise ArgumentError: rates or loads are too large for float64.
+    It names the joint and its angles if q̈ is not finite even at rest and without loads; otherwise these are too large.
     """
     rest = np.zeros(chain.n)
     if np.isfinite(solver.accelerations(chain.arrays, np.zeros(6), q, rest, rest)).all():
@@ -49,7 +45,7 @@ def idle_joint(chain: Chain, q: Array) -> int:
     """Return the joint that moves most in the motion with the least inertia; if several move equally, the last one.
 
     This motion is the eigenvector v of M v = λ D v with the smallest λ, where D is the diagonal of M; λ is at most 1,
-    and 0 if M is singular. Joints with prescribed motion are left out.
+    and 0 if M is singular. Held joints are left out.
     """
     M = np.zeros((chain.n, chain.n))
     mass_composite(chain.arrays, q, M)
@@ -62,22 +58,12 @@ def idle_joint(chain: Chain, q: Array) -> int:
     return int(free[np.flatnonzero(share > share.max() / 2)[-1]])
 
 
-def regular_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> Array:
-    """Return M of the free coordinates, checked as in `factored_mass`."""
-    return factored_mass(chain, q, free)[0]
-
-
 def factored_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> tuple[Array, Array]:
-    """Return M of the free coordinates and L of M = L Lᵀ; check that each coordinate has inertia attached.
+    """Return M of the free coordinates and L of M = L Lᵀ; refuses a coordinate without inertia.
 
     A Cholesky pivot, the square of a diagonal entry of L, is the inertia of a coordinate if the previous ones move
     freely. It must exceed the rounding error of M, n eps M_ii. Just above that bound, factorizing M again by another
     method may fail, so L is returned with M.
-
-    Raises
-    ------
-    SingularMassError
-        A coordinate has no inertia attached, or M is beyond float64.
     """
     whole = mass_matrix(chain, q, algorithm="upper")  # in body axes, accurate even for the twist of a straight thin arm
     M = restricted(whole, chain, free)

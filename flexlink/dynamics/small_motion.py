@@ -8,12 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain, add_products
+from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.dynamics import rounding
-from flexlink.dynamics.forces import about, damping_slope, refuse_forces
+from flexlink.dynamics.forces import about, damping_slope
 from flexlink.kernels.derivatives.small_motion import HINGE, mass_products, multiply, set_state, small_motion
 from flexlink.kernels.derivatives.small_motion_cells import cells_workspace
 from flexlink.kernels.derivatives.small_motion_factors import factor, solve
+from flexlink.kernels.forces.elements import POTENTIALS
 
 K_ALONE, C_ALONE, M_ALONE = np.eye(3)
 """Weights that select one matrix in the weighted sum of K, C and M."""
@@ -23,24 +25,17 @@ SMALLEST = 1e-8
 
 
 class SmallMotion:
-    """K = ∂(T_GC + T_FL)/∂q, C = ∂(T_GC + T_FR)/∂q̇ and M about a configuration at constant rates.
-
-    Joints may be locked.
-
-    Attributes
-    ----------
-    skipped
-        Indices of the coordinates that `eliminate` skipped because their pivots are too small.
-    sizes
-        Magnitude of the terms in each row of the eliminated matrix, shape (n,).
-    scales
-        Unit of the change of each coordinate, as in `rounding.scales`.
-    """
+    """K = ∂(T_GC + T_FL)/∂q, C = ∂(T_GC + T_FR)/∂q̇ and M at constant rates; joints may be locked."""
 
     def __init__(
-        self, chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool, locked: NDArray[np.bool_]
+        self, chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool, free: NDArray[np.intp]
     ) -> None:
-        refuse_forces("equilibria at given rates, and steady motions of more than 100 joints,", chain, qd)
+        if qd.any() and (others := ", ".join(name for name in chain.forces if name not in POTENTIALS)):
+            raise ArgumentError(
+                f"{chain.name}: equilibria at given rates, and steady motions of more than 100 joints, do not support "
+                f"{others}; leave them out",
+                id="arguments-not-counted",
+            )
         sprung = about(chain, q)
         self._diagonals = np.array([sprung.stiffness, damping_slope(chain), chain.hinges["armature"]])
         self._chain, self._state, self._couplings = chain, (wrench, follower, qd), sprung.couplings
@@ -48,8 +43,10 @@ class SmallMotion:
         self._cells = cells_workspace(sprung.arrays) if len(sprung.couplings) else None
         self.set_position(q)
         self.scales = rounding.scales(chain)
-        self.locked, self.rounding = locked, int((~locked).sum()) * rounding.of_load_stiffness(chain)
-        self.skipped, self.sizes = np.zeros(0, np.intp), np.zeros(chain.n)
+        self.locked, self.rounding = np.ones(chain.n, dtype=bool), len(free) * rounding.of_load_stiffness(chain)
+        self.locked[free] = False
+        self.skipped = np.zeros(0, np.intp)  # coordinates that `eliminate` skipped because their pivots are too small
+        self.sizes = np.zeros(chain.n)  # magnitude of the terms in each row of the eliminated matrix
 
     def set_position(self, q: Array) -> None:
         """Change the configuration to q (n,)."""

@@ -119,8 +119,8 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
             curvature -= np.repeat(cross(held[..., ::2, :], held[..., 1::2, :]) / (6 * h), 2, axis=-2)
         strain = z * curvature[..., 1] - y * curvature[..., 2]
         if bent.stretch:
-            slides = chain.where(Kind.STRAIN, link=number, axis=Kind.STRAIN.first)
-            strain += angles[..., slides] / (weights * length)
+            stretched = chain.where(Kind.STRAIN, link=number, axis=Kind.STRAIN.first)
+            strain += angles[..., stretched] / (weights * length)
     if not (is_finite(curvature.reshape(-1)) and is_finite(strain.reshape(-1))):
         raise beyond_float64("a strain", q=angles, fibre=[y, z])
     return BeamStrain(known_at(scene, number) * length, curvature, strain)

@@ -16,7 +16,7 @@ from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.dynamics import rounding
 from flexlink.dynamics.forces import about, force_slopes, force_torque, linearised
-from flexlink.dynamics.free_motion import first_joints, restricted, sums_of_squares
+from flexlink.dynamics.free_motion import DENSE, first_joints, restricted, sums_of_squares
 from flexlink.dynamics.placement import slid_apart
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.terms import bias_torque
@@ -35,24 +35,12 @@ class LoadedState(NamedTuple):
 
 
 class Stiffness(NamedTuple):
-    """K of the free coordinates, with the data needed to distinguish zero eigenvalues from rounding errors.
+    """K of the free coordinates, with the data needed to distinguish zero eigenvalues from rounding errors."""
 
-    Attributes
-    ----------
-    K
-        Tangent stiffness [N m/rad], shape (n, n); for sliding joints N in place of N m, and m in place of rad.
-    S
-        Square root of the magnitude of each row's terms, shape (n,), so K̂ = S⁻¹ K S⁻¹ is of order 1.
-    conservative
-        Whether the loads have a potential, that is, K is symmetric up to rounding.
-    rounding
-        Bound of the rounding error of K̂'s eigenvalues.
-    """
-
-    K: Array
-    S: Array
-    conservative: bool
-    rounding: float
+    K: Array  # tangent stiffness [N m/rad], (n, n); for sliding joints N in place of N m, and m in place of rad
+    S: Array  # square root of the magnitude of each row's terms, (n,), so K̂ = S⁻¹ K S⁻¹ is of order 1
+    conservative: bool  # whether the loads have a potential, that is, K is symmetric up to rounding
+    rounding: float  # bound of the rounding error of K̂'s eigenvalues
 
     @property
     def symmetric(self) -> Array:
@@ -73,13 +61,7 @@ class Stiffness(NamedTuple):
 
 
 def unlocked(chain: Chain, locked: Joints) -> NDArray[np.intp]:
-    """Sequential indices of the free coordinates: those that are not `locked`, prescribed or internal.
-
-    Raises
-    ------
-    ArgumentError
-        `locked` contains something that is not a joint, or leaves no free coordinate.
-    """
+    """Sequential indices of the free coordinates, at least one: those that are not `locked`, held or internal."""
     moves, held = ~chain.held, chain.joint_indices("locked", locked)
     if chain.shapes is not None and len(together := np.intersect1d(held, shaped_hinges(chain))):
         raise ArgumentError(
@@ -128,9 +110,7 @@ def load_matrices(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bo
     return found
 
 
-def tangent(
-    chain: Chain, q: Array, qd: Array, wrench: Array, free: NDArray[np.intp], follower: bool = False
-) -> Stiffness:
+def tangent(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool, free: NDArray[np.intp]) -> Stiffness:
     """`stiffness_matrix` of the coordinates `free`, with the magnitudes that bound its rounding error."""
     K = restricted(stiffness_matrix(chain, q, qd, wrench, follower), chain, free)
     load, entry = rounding.largest_load_stiffness(chain, qd, wrench), rounding.of_load_stiffness(chain)
@@ -142,27 +122,18 @@ def tangent(
     return Stiffness(K, S, conservative, len(free) * entry)
 
 
-def falls(
-    chain: Chain,
-    q: Array,
-    qd: Array,
-    wrench: Array,
-    free: NDArray[np.intp],
-    follower: bool = False,
-    motion: SmallMotion | None = None,
-) -> bool:
-    """Return `tangent(…).falls` in O(n): from the signs of pivots if the loads have a potential, else by Arnoldi's
-    method.
+def falls(chain: Chain, state: LoadedState, motion: SmallMotion | None = None) -> bool:
+    """Return `tangent(…).falls` in O(n): by signs of pivots if the loads have a potential, else by Arnoldi's method.
 
-    `motion` is the small motion of this chain under these loads; its configuration is changed to q.
+    `motion` is the small motion of this chain under these loads; its configuration is changed to that of the state.
     """
-    potential = has_potential(chain, wrench, follower) and not qd.any()
+    q, qd, wrench, follower, free = state
+    moment = wrench[3:].any() and not chain.is_planar  # has no potential in space, as a force that turns with the tip
+    potential = not (moment or (follower and wrench[:3].any()) or qd.any())
     if chain.shapes is not None or (not potential and len(free) <= DENSE):
-        return tangent(chain, q, qd, wrench, free, follower).falls
+        return tangent(chain, *state).falls
     if motion is None:
-        locked = np.ones(chain.n, dtype=bool)
-        locked[free] = False
-        motion = SmallMotion(chain, q, qd, wrench, follower, locked)
+        motion = SmallMotion(chain, *state)
     else:
         motion.set_position(q)
     square = np.abs(linearised(chain, q).stiffness) + rounding.largest_load_stiffness(chain, qd, wrench)
@@ -171,12 +142,8 @@ def falls(
         return motion.falling(K_ALONE, motion.rounding * square) > 0
     least = _least_eigenvalue(motion, np.sqrt(square), free)
     if np.isnan(least):
-        return tangent(chain, q, qd, wrench, free, follower).falls
+        return tangent(chain, *state).falls
     return least < -motion.rounding
-
-
-DENSE = 100
-"""Number of coordinates up to which the eigenvalues of an unsymmetric K are computed with dense matrices, in O(n³)."""
 
 
 def _least_eigenvalue(motion: SmallMotion, S: Array, free: NDArray[np.intp]) -> float:
@@ -193,12 +160,6 @@ def _least_eigenvalue(motion: SmallMotion, S: Array, free: NDArray[np.intp]) -> 
         return float(eigs(scaled, k=1, which="SR", v0=first, tol=1e-6, return_eigenvectors=False)[0].real)
     except ArpackError:
         return np.nan
-
-
-def has_potential(chain: Chain, wrench: Array, follower: bool) -> bool:
-    """Whether the tip wrench has a potential: true for a force of constant direction and, in a plane, for a moment."""
-    moment = wrench[3:].any() and not chain.is_planar
-    return not (moment or (follower and wrench[:3].any()))
 
 
 def gyroscopic_matrix(chain: Chain, q: Array, qd: Array) -> Array:

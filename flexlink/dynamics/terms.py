@@ -40,14 +40,9 @@ def algorithms_of(chain: Chain) -> tuple[str, ...]:
 
 
 def inverse_dynamics(
-    chain: Chain,
-    q: ArrayLike,
-    qd: ArrayLike,
-    qdd: ArrayLike,
-    *,
-    tip_wrench: ArrayLike | None = None,
+    chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, *, tip_wrench: ArrayLike | None = None,
     frame: Frame = "world",
-) -> Array:
+) -> Array:  # fmt: skip
     """Torque M q̈ + T_GC of the rigid-body motion, without springs and friction.
 
     Recursive Newton-Euler algorithm (Luh, Walker & Paul 1980; paper, section 3), as in Pinocchio's `rnea` and MuJoCo's
@@ -84,9 +79,15 @@ def inverse_dynamics(
         tau = np.empty(chain.n)
         if newton_euler(chain)(NO_WRENCH, q, qd, qdd, tau):
             return tau
-    if is_batch(q, qd, qdd):
-        return _inverse_dynamics_of_many(chain, {"q": q, "qd": qd, "qdd": qdd}, tip_wrench, frame)
     n = require_type("chain", chain, Chain).n
+    if is_batch(q, qd, qdd):
+        state = {"q": q, "qd": qd, "qdd": qdd}
+        many = rows(n, state)
+        wrenches = world_wrenches([chain], many[0], tip_wrench, frame)
+        found: Array = rne.inverse_dynamics_of_many(chain.arrays, wrenches, *many)
+        if is_finite(found.reshape(-1)):
+            return found
+        return each(inverse_dynamics, chain, state, tip_wrench=tip_wrench, frame=frame)  # its error names the state
     q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
     wrench = world_wrench(chain, q, tip_wrench, frame)
     tau = np.empty(n)
@@ -98,19 +99,8 @@ def inverse_dynamics(
 @bound
 def newton_euler(chain: Chain) -> Bound:
     """Inverse dynamics of a chain, a function of (wrench, q, qd, qdd, tau)."""
-    return bind(
-        rne.inverse_dynamics, (chain.arrays, rne.rne_workspace(chain.arrays)), np.zeros(6), *np.zeros((4, chain.n))
-    )
-
-
-def _inverse_dynamics_of_many(
-    chain: Chain, state: dict[str, ArrayLike], tip_wrench: ArrayLike | None, frame: Frame
-) -> Array:
-    many = rows(require_type("chain", chain, Chain).n, state)
-    tau: Array = rne.inverse_dynamics_of_many(chain.arrays, world_wrenches([chain], many[0], tip_wrench, frame), *many)
-    if is_finite(tau.reshape(-1)):
-        return tau
-    return each(inverse_dynamics, chain, state, tip_wrench=tip_wrench, frame=frame)  # its error names the state
+    given = chain.arrays, rne.rne_workspace(chain.arrays)
+    return bind(rne.inverse_dynamics, given, np.zeros(6), *np.zeros((4, chain.n)))
 
 
 def _at(what: str, chain: Chain, values: Array) -> str:

@@ -12,13 +12,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlink.chain.free_base import JOINTS, NAMES, rates_matrices, rates_matrices_changing, rotations_of
-from flexlink.chain.rigid import quaternion_from_matrix
+from flexlink.chain.coordinates import BASE_JOINTS as JOINTS
+from flexlink.chain.coordinates import BASE_NAMES
+from flexlink.chain.rigid import quaternion_from_matrix, rates_matrices, rates_matrices_changing, rotations_of
 from flexlink.common.products import cross, product
 from flexlink.common.types import Array, Indices
 from flexlink.describe.arm import BASE
 
-BASE_JOINTS = tuple(f"{BASE}.{name}" for name in NAMES)
+BASE_JOINTS = tuple(f"{BASE}.{name}" for name in BASE_NAMES)
 """flexlink's names of the joints of a floating base."""
 
 

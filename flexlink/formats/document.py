@@ -11,10 +11,9 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from flexlink.chain import free_base
 from flexlink.chain.arguments import require_type
 from flexlink.chain.chain import Chain
-from flexlink.chain.coordinates import Kind, unique
+from flexlink.chain.coordinates import BASE_JOINTS, Kind, unique
 from flexlink.chain.shapes import refuse_shapes
 from flexlink.common.products import dot, product
 from flexlink.common.types import Array
@@ -84,7 +83,7 @@ def loaded_tip(chain: Chain) -> Tip:
 
 def base_joints(chain: Chain) -> int:
     """Number of joints of a floating base; they come first."""
-    return free_base.JOINTS if chain.has_free_base else 0
+    return BASE_JOINTS if chain.has_free_base else 0
 
 
 def tree_attributes(chain: Chain) -> dict[str, str]:

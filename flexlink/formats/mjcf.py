@@ -29,8 +29,7 @@ from flexlink.chain.arguments import positive, require_bool, require_type, seque
 from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import Coordinate, unique
 from flexlink.chain.forces import refuse_states
-from flexlink.chain.free_base import rates_matrices, rotations_of
-from flexlink.chain.rigid import HERE, Pose, quaternion_from_matrix
+from flexlink.chain.rigid import HERE, Pose, quaternion_from_matrix, rates_matrices, rotations_of
 from flexlink.common.errors import ArgumentError
 from flexlink.common.products import product
 from flexlink.common.types import Array, Indices

@@ -14,10 +14,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain import free_base
 from flexlink.chain.builder import Body, recorded
 from flexlink.chain.chain import Chain
-from flexlink.chain.coordinates import KINDS, Coordinate, Kind
+from flexlink.chain.coordinates import BASE_AXES, BASE_JOINTS, KINDS, Coordinate, Kind
 from flexlink.chain.odd_bodies import negative_inertia
 from flexlink.chain.rigid import HERE, NOTHING, Pose, SpatialInertia
 from flexlink.common.errors import DataFileError, FlexlinkError
@@ -311,8 +310,8 @@ def _joints(own: Node, key: str, links: Sequence[str]) -> tuple[str, ...]:
 
 def _base_hinges() -> NDArray[np.void]:
     """Return the hinges of a floating base, without springs, friction and limits."""
-    hinges = np.zeros(free_base.JOINTS, HINGE)
-    hinges["axis"], hinges["coulomb_width"] = free_base.AXES, 1.0
+    hinges = np.zeros(BASE_JOINTS, HINGE)
+    hinges["axis"], hinges["coulomb_width"] = BASE_AXES, 1.0
     hinges["lower"], hinges["upper"] = -np.inf, np.inf
     return hinges
 
@@ -323,7 +322,7 @@ Item = tuple[tuple[int, int], Hinge | End, Sequence[Hinge]]
 
 def _base_bodies(attitude: Array | None, mass: Mass | None) -> list[Body]:
     """Return the bodies of a floating base with this rotation at zero angles; none for a fixed base."""
-    half = free_base.JOINTS // 2
+    half = BASE_JOINTS // 2
     if attitude is None:
         return []
     return [Body(HERE, 0, half), Body(Pose(attitude, np.zeros(3)), half, 2 * half, 1, _rigid(mass))]

@@ -17,10 +17,9 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from flexlink.chain import free_base
 from flexlink.chain.arguments import require_bool, require_type
 from flexlink.chain.chain import Chain
-from flexlink.chain.coordinates import unique
+from flexlink.chain.coordinates import BASE_JOINTS, unique
 from flexlink.chain.forces import refuse_states
 from flexlink.chain.rigid import rpy_from_matrix
 from flexlink.common.types import Array
@@ -118,7 +117,7 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
     base = ET.SubElement(robot, "link", name=links[0])
     shown = capsules_behind(chain) if shapes else {}
     if chain.has_free_base:
-        _contents(base, chain.bodies[1], shown.get(free_base.JOINTS - 1, []))
+        _contents(base, chain.bodies[1], shown.get(BASE_JOINTS - 1, []))
     for k, parent, translation, rotation, body in joint_places(chain):
         kind = chain.joint_kinds[k].name
         joint = _joint(robot, joints[k], kind, (links[parent + 1], links[k + 1]), (translation, rotation))

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 from flexlink.chain.arguments import integer, require_each
-from flexlink.chain.variants import lump_many
+from flexlink.chain.lumping import lump_many
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.interruption import Stop, deferred
 from flexlink.common.memo import Kept

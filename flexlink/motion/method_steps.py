@@ -17,7 +17,7 @@ from flexlink.data.documents import is_user_file
 from flexlink.describe.run_settings import AUTO, RunSettings
 from flexlink.describe.schemes.methods import Method, method
 from flexlink.dynamics.vibration.extremes import slowest_frequency
-from flexlink.dynamics.vibration.stability import bounding_eigenvalues, rate_bound, stable_step, stable_step_of
+from flexlink.dynamics.vibration.stability import bounding_eigenvalues, eigenvalue_bounds, stable_step, stable_step_of
 from flexlink.dynamics.vibration.stability_function import stable_half_disc
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping import adaptive
@@ -399,7 +399,7 @@ def longest_step(name: str, record: Record, span: float, t: float, state: tuple[
     """
     chain, (q, qd, *_) = record.chain, state
     acting = acting_at(record.inputs, chain, t, q, qd)
-    if _matters(name, span, rate_bound(chain, q, qd, **acting)):
+    if _matters(name, span, *eigenvalue_bounds([(chain, q, qd)], [acting])):
         return stable_step(chain, q, qd, method=name, **acting)
     return np.inf
 

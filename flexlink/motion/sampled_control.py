@@ -21,7 +21,7 @@ from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.accelerations import solver_for
 from flexlink.dynamics.conserved import Energy
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
-from flexlink.dynamics.sensors.readings import Readings
+from flexlink.dynamics.sensors.instrument import Readings
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.runge_kutta import integrate, stage

@@ -15,7 +15,7 @@ from flexlink.common.types import Array
 from flexlink.common.wording import short_list
 from flexlink.describe.numbers import parts, whole
 from flexlink.describe.scene import Scene
-from flexlink.dynamics.sensors.readings import Readings
+from flexlink.dynamics.sensors.instrument import Readings
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.motion.adaptive_steps import AdaptiveSteps
 from flexlink.motion.hindrance import held_torques_advice

@@ -2,7 +2,7 @@
 
     d/dt (T + V_g + V_e) = q̇·(T_EX − T_FR) + f·ṗ + m·ω
 
-T_EX are the torques of drives and prescribed motions; f and m are force and moment on the tip. W is integrated with the
+T_EX are the torques of drives and of held joints; f and m are force and moment on the tip. W is integrated with the
 method of the run, so the imbalance E − E(0) − W is the energy error that the discretisation or an unstable step causes.
 """
 
@@ -45,15 +45,9 @@ class Balance:
     """Checks of a run's samples; `seen`, indexed by SEEN, contains their running results."""
 
     def __init__(
-        self,
-        chain: Chain,
-        force: Array,
-        *,
-        insisted: bool = False,
-        bend: float = np.inf,
-        near: float = np.inf,
+        self, chain: Chain, force: Array, *, insisted: bool = False, bend: float = np.inf, near: float = np.inf,
         kept: Kept | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.chain, self.kept, given = chain, Kept() if kept is None else kept, (insisted, bend, near)
         find = functools.partial(_bounds, chain, force, *given)
         self.bounds: Bounds = self.kept("bounds", (given, force.tobytes()), find)
@@ -69,14 +63,11 @@ class Balance:
         self, first: int, stop: int, samples: tuple[Array, ...], allowance: Allowance = NOTHING
     ) -> tuple[int, int]:
         """Check samples by `look_at`; return the index of the first invalid one (or `stop`) and its fault (WRONG)."""
-        row, wrong = self._code(samples)(first, stop, samples, self.chain.hinges, self.bounds, allowance, self.seen)
+        row, wrong = self.compile(samples)(first, stop, samples, self.chain.hinges, self.bounds, allowance, self.seen)
         return row, wrong
 
-    def compile(self, samples: tuple[Array, ...]) -> None:
+    def compile(self, samples: tuple[Array, ...]) -> Callable[..., tuple[int, int]]:
         """Compile the check for samples in arrays of these types."""
-        self._code(samples)
-
-    def _code(self, samples: tuple[Array, ...]) -> Callable[..., tuple[int, int]]:
         of_these = 0, 0, samples, self.chain.hinges, self.bounds, NOTHING, self.seen
         code: Callable[..., tuple[int, int]] = self.kept(
             "look", None, lambda: direct(look_at, *of_these, types=self.kept.types)
@@ -91,7 +82,7 @@ def _bounds(chain: Chain, force: Array, insisted: bool, bend: float, near: float
 
 
 WATCHED = Memo(64)
-"""Cache by chain layout: joints that bend, joints with limits, and driven joints without prescribed motion."""
+"""Cache by chain layout: joints that bend, joints with limits, and driven joints that are not held."""
 
 
 def _watched(chain: Chain) -> tuple[Indices, Indices, Indices]:

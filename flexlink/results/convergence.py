@@ -26,24 +26,12 @@ Level = tuple[float, Array]
 
 
 class Limit(NamedTuple):
-    """Limit of the tip's path as a model gets more hinges.
+    """Limit of the tip's path as a model gets more hinges."""
 
-    Attributes
-    ----------
-    tip
-        The path, shape (samples, 3) [m].
-    errors
-        Estimate of the largest error of `tip` up to each sample, shape (samples,) [m].
-    order
-        Order of convergence of the extrapolation; nan if the limit is the finest level itself.
-    weights
-        Weights of the last two levels in `tip`.
-    """
-
-    tip: Array
-    errors: Array
-    order: float = math.nan
-    weights: tuple[float, float] = (0.0, 1.0)
+    tip: Array  # (samples, 3) the path [m]
+    errors: Array  # (samples,) estimate of the largest error of `tip` up to each sample [m]
+    order: float = math.nan  # of convergence of the extrapolation; nan if the limit is the finest level itself
+    weights: tuple[float, float] = (0.0, 1.0)  # of the last two levels in `tip`
 
     @property
     def error(self) -> float:

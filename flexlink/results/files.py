@@ -6,8 +6,9 @@ import dataclasses
 import importlib
 import json
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
+from types import ModuleType
 from typing import Any, TypeVar
 
 import numpy as np
@@ -44,7 +45,7 @@ def write(run: RunSamples, format: str, path: Path) -> None:
 def _arrays(run: RunSamples) -> dict[str, Any]:
     """All data of a run and, for use by other programs, its imbalance and the names of its joints."""
     chain, balanced = run.chain, run.work is not None
-    return {
+    found = {
         "t": run.t, "q": run.q, "qd": run.qd, "tau": run.drive_torques, "tip": run.tip, **vars(run.energy),
         "joints": np.array(chain.joint_names), **({"work": run.work, "imbalance": run.imbalance} if balanced else {}),
         "tip_wrench": run.tip_wrench, "warnings": np.array(run.warnings, str),
@@ -58,64 +59,42 @@ def _arrays(run: RunSamples) -> dict[str, Any]:
         "chain_links": np.array(chain.link_names), "chain_couplings": chain.couplings,
         "chain_tips": np.array([[chain.link_names.index(link), body] for link, body in chain.tips.items()]),
         **({} if chain.joints_of_links == chain.link_names else {"chain_joints": np.array(chain.joints_of_links)}),
-        **_of_shapes(chain), **_of_base(run), **_of_sensors(run),
-        **_of_stated_error(run),
     }  # fmt: skip
+    if chain.shapes is not None:
+        found |= {"chain_shapes": chain.shapes.matrix, "chain_shape_ranges": np.array(chain.shapes[1:3])}
+    if run.base is not None:
+        found |= {"attitude": run.base.attitude, "spin": run.base.spin}
+        found |= {f"momentum_{name}": value for name, value in run.base.momentum._asdict().items()}
+    if names := run.sensor_names:  # for use by other programs; a loaded run computes its readings from its scene
+        found |= {"sensors": np.array(names), "readings": np.array([run.readings[name] for name in names])}
+    if (stated := run.stated) is not None:
+        outputs, so_far = stated.outputs, np.array([stated.travelled, stated.drifting, stated.drifted])
+        found |= {
+            "error": stated.tip, "error_allowed": stated.allowed, "error_compared": stated.compared,
+            "error_outputs": np.array(list(outputs), str), "error_of_outputs": np.array(list(outputs.values())),
+            "motion_start": np.hstack(stated.start), "motion_so_far": so_far,
+        }  # fmt: skip
+        if stated.end is not None:
+            found |= {"motion_end": np.hstack(stated.end), "motion_delayed": stated.delayed}
+    return found
 
 
-def _of_shapes(chain: Chain) -> dict[str, Any]:
-    if chain.shapes is None:
-        return {}
-    matrix, first, stop, *_ = chain.shapes
-    return {"chain_shapes": matrix, "chain_shape_ranges": np.array([first, stop])}
+PICTURE = (".png", ".svg", ".pdf"), "a picture"
+TRAJECTORY = (".npz", ".csv"), "a trajectory"
 
 
-def _of_base(run: RunSamples) -> dict[str, Any]:
-    if run.base is None:
-        return {}
-    moving = {f"momentum_{name}": value for name, value in run.base.momentum._asdict().items()}
-    return {"attitude": run.base.attitude, "spin": run.base.spin, **moving}
+def imported(name: str, needs: str, extra: str) -> ModuleType:
+    """Import a module that is needed only here; `extra` is the part of flexlink that installs what it needs."""
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise MissingDependencyError(
+            f"{needs} install it with: {how_to_install(extra)}", id="package-missing"
+        ) from None
 
 
-def _of_sensors(run: RunSamples) -> dict[str, Any]:
-    """Sensor readings, for use by other programs; a loaded run computes them from its scene."""
-    names = run.sensor_names
-    return {"sensors": np.array(names), "readings": np.array([run.readings[name] for name in names])} if names else {}
-
-
-def _of_stated_error(run: RunSamples) -> dict[str, Any]:
-    """The stated error, and the motion up to the end of the run; n joints give times and states of 1 + 2n numbers."""
-    if (stated := run.stated) is None:
-        return {}
-    outputs, so_far = stated.outputs, np.array([stated.travelled, stated.drifting, stated.drifted])
-    ends = {} if stated.end is None else {"motion_end": np.hstack(stated.end), "motion_delayed": stated.delayed}
-    return {
-        "error": stated.tip, "error_allowed": stated.allowed, "error_compared": stated.compared,
-        "error_outputs": np.array(list(outputs), str), "error_of_outputs": np.array(list(outputs.values())),
-        "motion_start": np.hstack(stated.start), "motion_so_far": so_far, **ends,
-    }  # fmt: skip
-
-
-def picture_format(path: Path) -> str:
-    """Format of a picture, from the extension of `path`.
-
-    Raises
-    ------
-    ArgumentError
-        The extension is not .png, .svg or .pdf.
-    """
-    return ending(path, (".png", ".svg", ".pdf"), "a picture")
-
-
-def output_format(path: Path) -> str:
-    """Format of a trajectory file, ".npz" or ".csv", from the extension of `path`.
-
-    Raises
-    ------
-    ArgumentError
-        The extension is another one.
-    """
-    return ending(path, (".npz", ".csv"), "a trajectory")
+def _package(name: str) -> Any:
+    return imported(name, f"a run as a table of {name} needs {name};", "tables")
 
 
 def ending(path: Path, allowed: tuple[str, ...], what: str) -> str:
@@ -160,20 +139,6 @@ def to_xarray(run: RunSamples) -> Any:
     )  # fmt: skip
 
 
-def _package(name: str) -> Any:
-    try:
-        return importlib.import_module(name)
-    except ImportError:
-        raise MissingDependencyError(
-            f"a run as a table of {name} needs {name}; install it with: {how_to_install('tables')}",
-            id="package-missing",
-        ) from None
-
-
-# Read a run that `Trajectory.save` has written, identical bit for bit.
-#
-# Checks of a saved run: finite numbers, shapes that match its samples and joints, and a consistent chain.
-#
 # Kernels do not check the indices in a chain; a wrong index would make them read unrelated memory.
 
 
@@ -197,27 +162,27 @@ def _fields(arrays: Mapping[str, Any]) -> dict[str, Any]:
         chain = dataclasses.replace(chain, described=lump(scene).described)
     check_chain(chain)
     check_samples(arrays, chain.n)
+    texts, base = arrays["warnings"].tolist(), None
+    ids = arrays["warning_ids"].tolist() if "warning_ids" in arrays else [""] * len(texts)  # none in older versions
+    if "attitude" in arrays:
+        momentum = Momentum(*(arrays[f"momentum_{name}"] for name in Momentum._fields))
+        base = BaseMotion(arrays["attitude"], arrays["spin"], momentum)
     return dict(
-        chain=chain,
-        **{name: arrays[name] for name in ("t", "q", "qd", "tip", "tip_wrench")},
-        drive_torques=arrays["tau"],
-        energy=Energy(arrays["kinetic"], arrays["gravity"], arrays["elastic"]),
-        work=arrays.get("work"),
-        warnings=tuple(_warnings(arrays)),
-        steps=convert(steps, Steps | None),
-        scene=scene,
-        base=_base(arrays) if "attitude" in arrays else None,
+        chain=chain, **{name: arrays[name] for name in ("t", "q", "qd", "tip", "tip_wrench")},
+        drive_torques=arrays["tau"], energy=Energy(arrays["kinetic"], arrays["gravity"], arrays["elastic"]),
+        work=arrays.get("work"), warnings=tuple(map(Diagnostic, texts, ids)), steps=convert(steps, Steps | None),
+        scene=scene, base=base,
         **({"delayed": arrays["delayed"]} if "delayed" in arrays else {}),
         stated=_stated(arrays) if "error" in arrays else None,
-    )
+    )  # fmt: skip
 
 
 def _stated(arrays: Mapping[str, Any]) -> StatedError:
     """The stated error of a run, and the motion up to its end."""
     n = arrays["q"].shape[1]
-    start, end = (_state(arrays[name], n) if name in arrays else None for name in ("motion_start", "motion_end"))
-    if start is None:
-        raise KeyError("motion_start")
+    start, end = _state(arrays["motion_start"], n), None
+    if "motion_end" in arrays:
+        end = _state(arrays["motion_end"], n)
     delayed = arrays.get("motion_delayed")
     if delayed is not None:
         check_delayed(delayed)
@@ -234,37 +199,23 @@ def _state(numbers: NDArray[Any], n: int) -> State:
     return State(float(numbers[0]), numbers[1 : 1 + n].copy(), numbers[1 + n :].copy())
 
 
-def _warnings(arrays: Mapping[str, Any]) -> Iterator[Diagnostic]:
-    """Warnings with their ids; archives of older versions contain no ids."""
-    texts: list[str] = arrays["warnings"].tolist()
-    ids: list[str] = arrays["warning_ids"].tolist() if "warning_ids" in arrays else [""] * len(texts)
-    return (Diagnostic(text, id) for text, id in zip(texts, ids, strict=True))
-
-
-def _base(arrays: Mapping[str, Any]) -> BaseMotion:
-    momentum = Momentum(*(arrays[f"momentum_{name}"] for name in Momentum._fields))
-    return BaseMotion(arrays["attitude"], arrays["spin"], momentum)
-
-
 def _chain(arrays: Mapping[str, Any]) -> Chain:
     bodies, links = _records(arrays["chain_bodies"], BODY), arrays["chain_links"].tolist()
     if "parent" not in (arrays["chain_bodies"].dtype.names or ()):  # from an older version, without branches
         bodies["parent"] = np.arange(len(bodies))
         bodies["loaded"][-1] = 1
+    found = {name: arrays.get(f"chain_{name}", ()) for name in FORCES if name != "couplings"}
+    forces = {name: _records(rows, FORCES[name]) for name, rows in found.items() if len(rows)}
     tips = arrays.get("chain_tips", np.array([[len(links) - 1, len(bodies) - 1]]))
     chain = Chain(
-        name=str(arrays["chain_name"]),
-        bodies=bodies,
-        hinges=_records(arrays["chain_hinges"], HINGE),
+        name=str(arrays["chain_name"]), bodies=bodies, hinges=_records(arrays["chain_hinges"], HINGE),
         gravity=np.ascontiguousarray(arrays["chain_gravity"]),
-        coordinates=tuple(Coordinate(*row) for row in arrays["chain_coordinates"].tolist()),
-        link_names=tuple(links),
+        coordinates=tuple(Coordinate(*row) for row in arrays["chain_coordinates"].tolist()), link_names=tuple(links),
         couplings=_records(arrays.get("chain_couplings", np.zeros(0, COUPLING)), COUPLING),
-        tips={links[link]: body for link, body in tips.tolist()},
-        forces=dict(_forces(arrays)),
+        tips={links[link]: body for link, body in tips.tolist()}, forces=forces,
         described=_records(arrays.get("chain_described", np.zeros(0, DESCRIBED)), DESCRIBED),
         joints_of_links=tuple(arrays["chain_joints"].tolist()) if "chain_joints" in arrays else (),
-    )
+    )  # fmt: skip
     return chain if "chain_shapes" not in arrays else dataclasses.replace(chain, shapes=_shapes(chain, arrays))
 
 
@@ -275,13 +226,6 @@ def _shapes(chain: Chain, arrays: Mapping[str, Any]) -> Shapes:
     if not (within and (stop <= Φ.shape[1]).all() and np.isfinite(Φ).all()):
         raise ValueError("its chain's shapes do not match its hinges")
     return shapes_of(chain, Φ, first.copy(), stop.copy())
-
-
-def _forces(arrays: Mapping[str, Any]) -> Iterator[tuple[str, NDArray[np.void]]]:
-    """Force elements of the chain, if any, without couplings."""
-    for name, dtype in FORCES.items():
-        if name != "couplings" and len(rows := arrays.get(f"chain_{name}", ())):
-            yield name, _records(rows, dtype)
 
 
 def _records(rows: NDArray[np.void], dtype: np.dtype[np.void]) -> NDArray[np.void]:
@@ -301,13 +245,7 @@ def _records(rows: NDArray[np.void], dtype: np.dtype[np.void]) -> NDArray[np.voi
 
 
 def check_samples(arrays: Mapping[str, NDArray[Any]], n: int) -> None:
-    """Check the arrays that have one entry per sample; skip those that are missing.
-
-    Raises
-    ------
-    ValueError
-        An array has the wrong type or shape, or is not finite; or times do not increase.
-    """
+    """Refuse arrays with one entry per sample that do not fit, as ValueError; skip those that are missing."""
     shapes: dict[str, tuple[int, ...]] = {  # shape of each array at one sample
         "t": (), "q": (n,), "qd": (n,), "tau": (n,), "tip": (3,), "tip_wrench": (6,), "kinetic": (), "gravity": (),
         "elastic": (), "work": (), "attitude": (4,), "spin": (3,), "momentum_linear": (3,), "momentum_angular": (3,),
@@ -329,13 +267,7 @@ def check_samples(arrays: Mapping[str, NDArray[Any]], n: int) -> None:
 
 
 def check_delayed(delayed: NDArray[Any]) -> None:
-    """Check the torques on their way at the end of a run.
-
-    Raises
-    ------
-    ValueError
-        The array is not a table of finite numbers, or its times do not increase.
-    """
+    """Refuse torques on their way at the end of a run that are no table of finite numbers in order of time."""
     if delayed.dtype != np.float64 or delayed.ndim != 2 or not delayed.shape[1]:
         raise ValueError(f"delayed has shape {delayed.shape} and type {delayed.dtype}; expected a table of float64")
     if not np.isfinite(delayed).all() or (np.diff(delayed[:, 0]) <= 0).any():
@@ -343,13 +275,7 @@ def check_delayed(delayed: NDArray[Any]) -> None:
 
 
 def check_chain(chain: Chain) -> None:
-    """Check that the chain's numbers are finite, and that its bodies, hinges and force elements are consistent.
-
-    Raises
-    ------
-    ValueError
-        The chain is not valid.
-    """
+    """Refuse a chain with numbers that are not finite, or with parts that do not belong together, as ValueError."""
     # fields that may be infinite
     unlimited = {"lower", "upper"}
     forces = {name: chain.force(name) for name in FORCES}
@@ -360,8 +286,11 @@ def check_chain(chain: Chain) -> None:
                 raise ValueError(f"its chain's {part} have a {name} that is not finite")
     if chain.gravity.shape != (3,) or chain.gravity.dtype != np.float64 or not np.isfinite(chain.gravity).all():
         raise ValueError("its chain's gravity is not three finite numbers")
-    known = [_names_a_joint(coordinate, len(chain.link_names)) for coordinate in chain.coordinates]
-    if len(known) != chain.n or not all(known):
+    indices = [index for coordinate in chain.coordinates for index in coordinate]
+    known = all(type(index) is int and index >= 0 for index in indices) and all(
+        c.link <= len(chain.link_names) and c.known is not None for c in chain.coordinates
+    )
+    if len(chain.coordinates) != chain.n or not known:
         raise ValueError("its chain's coordinates do not match its hinges and links")
     if len(chain.joints_of_links) != len(chain.link_names):
         raise ValueError("its chain's names of joints do not match its links")
@@ -369,11 +298,6 @@ def check_chain(chain: Chain) -> None:
     for part, good in ({"bodies": _is_tree(chain)} | belong).items():
         if not good:
             raise ValueError(f"its chain's {part} do not belong together")
-
-
-def _names_a_joint(coordinate: Coordinate, links: int) -> bool:
-    whole = all(type(index) is int for index in coordinate)
-    return whole and 0 <= coordinate.link <= links and coordinate.segment >= 0 and coordinate.known is not None
 
 
 def _is_tree(chain: Chain) -> bool:

@@ -8,11 +8,10 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import require_one_of, sequence
-from flexlink.chain.branches import as_lines
 from flexlink.chain.coordinates import Kind
+from flexlink.chain.layout import as_lines
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.common.wording import plural
@@ -93,7 +92,9 @@ def panels(run: RunSamples) -> Iterator[tuple[str, Draw]]:
             yield name, partial(_curves, run=run, joints=joints, values=values, label=COORDINATES[name, unit.si])
     springs = bool(chain.stiffness.any()) or has_potential(chain)
     there = (
-        ("base", base, chain.has_free_base), ("tip", tip, True), ("energy", exchanged_energy, True),
+        ("base", partial(_position, points=run.q, label="base, frame 0 [m]"), chain.has_free_base),
+        ("tip", partial(_position, points=run.tip, label="tip, frame 0 [m]"), True),
+        ("energy", exchanged_energy, True),
         ("elastic", elastic_energy, springs), ("balance", imbalance, run.work is not None),
     )  # fmt: skip
     yield from ((name, partial(draw, run=run)) for name, draw, shown in there if shown)
@@ -103,25 +104,18 @@ def panels(run: RunSamples) -> Iterator[tuple[str, Draw]]:
             yield "drives", partial(_curves, run=run, joints=joints, values=run.drive_torques[:, joints], label=label)
 
 
-def base(panel: Axes, run: RunSamples) -> None:
-    """Plot the position of a free base."""
+def _position(panel: Axes, run: RunSamples, points: Array, label: str) -> None:
+    """Plot the coordinates of a point in frame 0."""
     for k, axis in enumerate("xyz"):
-        panel.plot(run.t, run.q[:, k], label=axis)
-    panel.set_ylabel("base, frame 0 [m]")
-
-
-def tip(panel: Axes, run: RunSamples) -> None:
-    """Plot the position of the tip."""
-    for column, axis in enumerate("xyz"):
-        panel.plot(run.t, run.tip[:, column], label=axis)
-    panel.set_ylabel("tip, frame 0 [m]")
+        panel.plot(run.t, points[:, k], label=axis)
+    panel.set_ylabel(label)
 
 
 def exchanged_energy(panel: Axes, run: RunSamples) -> None:
     """Plot changes of kinetic, gravity and total energy since the start, as the zero of gravity energy is arbitrary."""
-    for name, values in (("kinetic", run.energy.kinetic), ("gravity", run.energy.gravity)):
-        panel.plot(run.t, _since_start(values), label=name)
-    panel.plot(run.t, _since_start(run.energy.total), label="total", color=INK, linestyle="--")
+    for name, style in (("kinetic", {}), ("gravity", {}), ("total", {"color": INK, "linestyle": "--"})):
+        values = np.asarray(getattr(run.energy, name))
+        panel.plot(run.t, values - values[0], label=name, **style)
     panel.set_ylabel("energy since\nthe start [J]")
 
 
@@ -157,14 +151,8 @@ def plot_modes(found: Modes, chain: Chain, count: int = 8) -> Figure:
         view = view_of_motion(chain, found.points, bent)
         panel.plot(*view.flat(as_lines(chain, found.points, base=False)), color=GREY, linewidth=1.0, label="posture")
         colour, line, words = (BLUE, "-", "") if fine[k] else (VERMILION, "--", ", not resolved")
-        panel.plot(
-            *view.flat(as_lines(chain, bent, base=False)),
-            line,
-            color=colour,
-            marker=".",
-            markersize=4,
-            label=f"mode {k + 1}",
-        )
+        style = {"color": colour, "marker": ".", "markersize": 4, "label": f"mode {k + 1}"}
+        panel.plot(*view.flat(as_lines(chain, bent, base=False)), line, **style)
         frequency = f"{found.hertz[k]:.4g} Hz" if np.isfinite(found.hertz[k]) else "unstable, no frequency"
         panel.set_title(f"{k + 1}: {frequency}{words}", fontsize="medium")
         panel.set(xlabel=view.labels[0], ylabel=view.labels[1])
@@ -176,11 +164,6 @@ def plot_modes(found: Modes, chain: Chain, count: int = 8) -> Figure:
 def _column(panel: Axes, run: Trajectory, name: str) -> None:
     """Plot a column of the run."""
     panel.plot(run.t, run.columns[name], label=name)
-
-
-def _since_start(values: ArrayLike) -> NDArray[np.float64]:
-    since: NDArray[np.float64] = np.asarray(values) - np.asarray(values)[0]
-    return since
 
 
 def _curves(panel: Axes, run: RunSamples, joints: list[int], values: Array, label: str) -> None:

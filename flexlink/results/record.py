@@ -35,45 +35,26 @@ def trajectory_from_states(problem: InitialValueProblem, t: Array, q: Array, qd:
 
 
 class Record:
-    """Preallocated samples of a running simulation; samples not yet computed are uninitialised.
-
-    Attributes
-    ----------
-    q, qd, works
-        States (samples, n) and the integrated work (samples,), excluding the work of a constant
-        tip force, which follows from its potential.
-    so_far
-        Step counts and largest deflection up to each sample (samples, SO_FAR.size).
-    origin
-        Number of fixed steps from t = 0 to the start of the run.
-    kept
-        Workspace and machine code that consecutive runs of the problem reuse.
-    """
+    """Preallocated samples of a running simulation; samples not yet computed are uninitialised."""
 
     def __init__(
-        self,
-        problem: InitialValueProblem,
-        t: Array,
-        q: Array,
-        qd: Array,
-        kept: Kept | None = None,
+        self, problem: InitialValueProblem, t: Array, q: Array, qd: Array, kept: Kept | None = None,
         others: tuple[Array, ...] | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.problem, self.run, self.chain, self.inputs = problem, problem.run, problem.chain, problem.inputs
         self.t, self.q, self.qd = t, q, qd
         if others is None:
             n = problem.chain.n
             others = (
-                np.empty((len(t), n)),
-                np.empty((len(t), 3)),
-                np.empty((3, len(t))),
-                np.zeros(len(t)),
+                np.empty((len(t), n)), np.empty((len(t), 3)), np.empty((3, len(t))), np.zeros(len(t)),
                 noted(problem, len(t)),
-            )
+            )  # fmt: skip
+        # works: integrated, without the work of a constant tip force, which follows from its potential; so_far: step
+        # counts and largest deflection up to each sample (samples, SO_FAR.size)
         self.tau, self.tip, self.energy, self.works, self.so_far = others
         self._placed = None if self.chain.has_levers else np.empty((len(t), len(self.chain.bodies), 12))
-        self.origin = 0 if self.run.controlled else round(float(t[0]) / self.run.fixed_step)
-        self.kept = Kept() if kept is None else kept
+        self.origin = 0 if self.run.controlled else round(float(t[0]) / self.run.fixed_step)  # fixed steps before t₀
+        self.kept = Kept() if kept is None else kept  # workspace and machine code, which consecutive runs reuse
         self.base = problem.base
         if self.base is not None:
             self.base.begin()
@@ -85,13 +66,13 @@ class Record:
         return self.kept("forward dynamics", None, self.problem.workspace)
 
     def begin(self) -> None:
-        """Measure the angles of a free base from its initial attitude, in the first sample and the following steps."""
+        """Measure the angles of a floating base from its initial attitude, in the first sample and all steps."""
         if self.base is not None:
             self.base.turn(0, self.q[0], self.qd[0], self.scratch)
 
     @property
     def far(self) -> float:
-        """Rotation of a free base at which its coordinates change [rad]; inf if the base is fixed."""
+        """Rotation of a floating base at which its coordinates change [rad]; inf if the base is fixed."""
         return np.inf if self.base is None else FAR
 
     def is_far(self, q: Array) -> bool:
@@ -103,7 +84,7 @@ class Record:
     ) -> int:
         """Integrate to fixed step `stop`; return the number of the last step with a finite state; `go`: `integrate`.
 
-        If a free base has turned far, its coordinates change, even at step `stop`: later steps do not depend on `stop`.
+        If a floating base has turned far, its coordinates change, even at step `stop`: later steps do not depend on it.
         """
         every, (q, qd, _), _ = rest
         done = int(go(*fixed, first, stop, self.far, *rest))
@@ -113,7 +94,7 @@ class Record:
         return done
 
     def parts(self, first: int, stop: int) -> Iterator[slice]:
-        """Samples first … stop − 1, split where the coordinates of a free base change."""
+        """Samples first … stop − 1, split where the coordinates of a floating base change."""
         return iter([slice(first, stop)]) if self.base is None else self.base.parts(first, stop, self.scratch)
 
     @property
@@ -175,24 +156,19 @@ class Record:
         return np.asarray(self.works[rows] + (self.tip[rows] - self.tip[0]) @ force)
 
     def state(self, row: int) -> State:
-        """State of a sample, from which a run can be continued; of a free base relative to its initial attitude."""
+        """State of a sample, from which a run can be continued; of a floating base relative to its initial attitude."""
         q, qd = self.q[: row + 1], self.qd[: row + 1]
         if self.base is not None:
             q, qd, *_ = self.base.from_the_start(q, qd)
         return State(float(self.t[row]), q[row].copy(), qd[row].copy())
 
     def trajectory(
-        self,
-        stop: int,
-        warnings: tuple[Diagnostic, ...] = (),
-        steps: Steps | None = None,
-        balanced: bool = True,
-        stated: StatedError | None = None,
-        scene: Scene | None = None,
-    ) -> Trajectory:
+        self, stop: int, warnings: tuple[Diagnostic, ...] = (), steps: Steps | None = None, balanced: bool = True,
+        stated: StatedError | None = None, scene: Scene | None = None,
+    ) -> Trajectory:  # fmt: skip
         """The samples before `stop`, read-only; this record must not be used afterwards."""
         work = self.work(slice(stop)) if balanced else None
-        wrench = joined([self._wrenches(part) for part in self.parts(0, stop)])
+        wrench = joined([self.inputs.tip_wrenches(self.t[k], self.q[k], self.qd[k]) for k in self.parts(0, stop)])
         q, qd, chain, motion = self.q, self.qd, self.chain, None
         if self.base is not None:
             parts = [momentum_of_states(chain, q[part], qd[part]) for part in self.parts(0, stop)]
@@ -207,9 +183,6 @@ class Record:
         return Trajectory(
             chain, t, q, qd, tau, tip, energy, work, warnings, steps, wrench, scene, motion, delayed, stated
         )
-
-    def _wrenches(self, rows: slice) -> Array:
-        return self.inputs.tip_wrenches(self.t[rows], self.q[rows], self.qd[rows])
 
 
 def noted(problem: InitialValueProblem, rows: int) -> Array:

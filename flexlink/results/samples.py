@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import operator
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -168,7 +169,7 @@ class RunSamples(Result):
     def notes(self) -> tuple[str, ...]:
         """Notes on defaults that the run used, settings without effect, and sensors that need more samples."""
         from flexlink.dynamics.notes import defaults, notes  # noqa: PLC0415
-        from flexlink.dynamics.sensors.readings import coarse_samples  # noqa: PLC0415
+        from flexlink.dynamics.sensors.instrument import coarse_samples  # noqa: PLC0415
 
         if self.scene is None:
             return ()
@@ -268,7 +269,7 @@ class RunSamples(Result):
         SingularMassError
             For accelerometers, as in `qdd`.
         """
-        from flexlink.dynamics.sensors.readings import sensor_columns  # noqa: PLC0415
+        from flexlink.dynamics.sensors.instrument import sensor_columns  # noqa: PLC0415
 
         if self.scene is None:
             return {}
@@ -308,10 +309,6 @@ Source = Callable[[Any], Array]
 """Function that computes a column from `RunSamples`, or from an object with the same fields and a last axis of runs."""
 
 
-def _of_base(part: Callable[[BaseMotion], Array], k: int) -> Source:
-    return lambda run: part(run.base)[:, k]
-
-
 class Columns(Mapping[str, Array]):
     """Every sampled quantity of a run as an array (samples,), by its name with unit."""
 
@@ -339,51 +336,48 @@ class Columns(Mapping[str, Array]):
 
 def sources_of(chain: Chain, balanced: bool = True) -> Mapping[str, Source]:
     """Source of each column of runs of a chain, in the order of the CSV file; `balanced`: with work and imbalance."""
-    # attitude as a unit quaternion, angular velocity in axes of the base, momentum of all bodies in frame 0
-    of_a_free_base: Mapping[str, Source] = {
-        f"{name} {axis} [{unit}]": _of_base(part, k)
-        for name, axes, unit, part in (
-            ("attitude", "wxyz", "1", lambda base: base.attitude),
-            ("spin", "xyz", "rad/s", lambda base: base.spin),
-            ("momentum", "xyz", "N s", lambda base: base.momentum.linear),
-            ("angular momentum", "xyz", "N m s", lambda base: base.momentum.angular),
-        )
-        for k, axis in enumerate(axes)
-    }
-    found = _sources(chain.joint_names, (chain.joint_units, chain.torque_units), tuple(chain.active.tolist()), balanced)
-    return {**found, **of_a_free_base} if chain.has_free_base else found
+    units, active = (chain.joint_units, chain.torque_units), tuple(chain.active.tolist())
+    return _sources(chain.joint_names, units, active, balanced, chain.has_free_base)
+
+
+OF_A_FREE_BASE = {
+    "attitude {} [1]": ("wxyz", "base.attitude"),
+    "spin {} [rad/s]": ("xyz", "base.spin"),
+    "momentum {} [N s]": ("xyz", "base.momentum.linear"),
+    "angular momentum {} [N m s]": ("xyz", "base.momentum.angular"),
+}
+"""Columns of an arm with a free base, with the names of their components and where these are: attitude as a unit
+quaternion, angular velocity in axes of the base, momentum of all bodies in frame 0."""
 
 
 @functools.lru_cache(maxsize=64)
 def _sources(
-    joints: tuple[str, ...], units: tuple[tuple[str, ...], tuple[str, ...]], active: tuple[int, ...], balanced: bool
-) -> Mapping[str, Source]:
+    joints: tuple[str, ...], units: tuple[tuple[str, ...], tuple[str, ...]], active: tuple[int, ...], balanced: bool,
+    floats: bool,
+) -> Mapping[str, Source]:  # fmt: skip
     """Source of each column, in the order of the CSV file; runs of one layout share it."""
-    # only for runs of flexlink itself: other engines do not integrate work
-    of_balanced: Mapping[str, Source] = {
-        "work [J]": lambda run: np.asarray(run.work),
-        "imbalance [J]": lambda run: run.imbalance,
-    }
+    balances = ("work", "imbalance") if balanced else ()  # other engines do not integrate work
+    of_base = OF_A_FREE_BASE.items() if floats else ()
     return {
-        "t [s]": lambda run: run.t,
+        "t [s]": _of("t"),
         **{f"q {name} [{units[0][k]}]": _of("q", k) for k, name in enumerate(joints)},
         **{f"qd {name} [{units[0][k]}/s]": _of("qd", k) for k, name in enumerate(joints)},
         **{f"tau {joints[k]} [{units[1][k]}]": _of("tau", k) for k in active},
         **{f"tip {axis} [m]": _of("tip", k) for k, axis in enumerate("xyz")},
-        "kinetic [J]": lambda run: np.asarray(run.energy.kinetic),
-        "gravity [J]": lambda run: np.asarray(run.energy.gravity),
-        "elastic [J]": lambda run: np.asarray(run.energy.elastic),
-        **(of_balanced if balanced else {}),
+        **{f"{name} [J]": _of(f"energy.{name}") for name in ("kinetic", "gravity", "elastic")},
+        **{f"{name} [J]": _of(name) for name in balances},
+        **{name.format(axis): _of(place, k) for name, (axes, place) in of_base for k, axis in enumerate(axes)},
     }
+
+
+def _of(place: str, k: int | None = None) -> Source:
+    """Source of an array (samples,), or of column `k` of an array (samples, …), at this place in the run."""
+    get = operator.attrgetter(place)
+    return (lambda run: np.asarray(get(run))) if k is None else (lambda run: np.asarray(get(run)[:, k]))
 
 
 def _reading(name: str) -> Source:
     return lambda run: run.readings[name]
-
-
-def _of(field: str, k: int) -> Source:
-    """Source of column `k` of the array (samples, …) in a field of the run."""
-    return lambda run: getattr(run, field)[:, k]
 
 
 def picked(run: RunSamples, rows: NDArray[np.intp]) -> RunSamples:

@@ -56,10 +56,7 @@ class Failure(NamedTuple):
 
 
 def ended_early(reached: float, end: float) -> Failure | None:
-    """Failure of steps that ended at another time than `end` [s] without reporting a failure; else None.
-
-    Every kind of run is checked, so that an incomplete run is never accepted as complete.
-    """
+    """Failure of steps that ended at another time than `end` [s] without a reason, whatever the kind of run."""
     if reached == end:
         return None
     text = f"the steps ended at t = {reached:.6g} s instead of {end:.6g} s without a reason: a bug in flexlink"
@@ -104,12 +101,8 @@ class InterruptedRunError(KeyboardInterrupt):
     """
 
     def __init__(
-        self,
-        trajectory: Trajectory,
-        number: int = signal.SIGINT,
-        where: str = "",
-        runs: Sequence[Trajectory] = (),
-    ) -> None:
+        self, trajectory: Trajectory, number: int = signal.SIGINT, where: str = "", runs: Sequence[Trajectory] = (),
+    ) -> None:  # fmt: skip
         kept = len(trajectory.t)
         super().__init__(f"{word(number)} at t = {trajectory.t[-1]:.6g} s; {kept} sample{'s' * (kept > 1)} kept{where}")
         self.trajectory, self.signal, self.where, self.runs = trajectory, number, where, runs

@@ -6,7 +6,6 @@ import importlib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
@@ -127,9 +126,9 @@ class Trajectory(RunSamples):
         ArgumentError
             The extension is not .npz or .csv.
         """
-        from flexlink.results.files import output_format, write  # noqa: PLC0415
+        from flexlink.results.files import TRAJECTORY, ending, write  # noqa: PLC0415
 
-        format = output_format(path)
+        format = ending(path, *TRAJECTORY)
         return lambda place: write(self, format, place)
 
     def to_pandas(self) -> Any:
@@ -343,20 +342,13 @@ class Trajectory(RunSamples):
         >>> run.plot().savefig("move.png")  # in a notebook run.plot() alone shows it
         >>> beside = run.plot(what=["tip", "tau upper [N m]"])
         """
-        figure: Figure = plotting().plot_trajectory(self, what, ax)
+        figure: Figure = drawing_module("results.plotting").plot_trajectory(self, what, ax)
         return figure
 
     def animate(
-        self,
-        path: str | Path,
-        *,
-        magnify: float = 1.0,
-        colour: Literal["moment", "strain"] = "moment",
-        fps: float = 25.0,
-        speed: float = 1.0,
-        width: int = 640,
-        progress: Callable[[float], None] | None = None,
-    ) -> Path:
+        self, path: str | Path, *, magnify: float = 1.0, colour: Literal["moment", "strain"] = "moment",
+        fps: float = 25.0, speed: float = 1.0, width: int = 640, progress: Callable[[float], None] | None = None,
+    ) -> Path:  # fmt: skip
         """Draw the moving arm with its links as wide as their sections, gravity downwards, and the path of its tip.
 
         Planar arms are shown perpendicular to their plane, others from the side and above, with their shadow on a level
@@ -410,20 +402,6 @@ class Trajectory(RunSamples):
         wanted = room.shot(path, magnify=magnify, colour=colour, fps=fps, speed=speed, width=width)
         drawn: Path = room.animate(self, wanted, progress)
         return drawn
-
-
-def plotting() -> ModuleType:
-    """The plotting module, which needs matplotlib.
-
-    Raises
-    ------
-    MissingDependencyError
-        matplotlib is not installed.
-    """
-    return drawing_module("results.plotting")
-
-
-# Deflection: displacement of the tip due to the springs of links and gears, relative to unloaded springs.
 
 
 def deflections(run: Trajectory) -> Array:

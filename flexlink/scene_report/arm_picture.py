@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
-from flexlink.chain.branches import as_lines, base_body, sliding_bodies, unslid
 from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import SPRINGS
+from flexlink.chain.layout import as_lines, base_body, sliding_bodies, unslid
 from flexlink.chain.lumping import lump
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene

@@ -29,7 +29,7 @@ from flexlink import (
     to_urdf,
 )
 from flexlink.chain import lumping
-from flexlink.chain.variants import lump_many
+from flexlink.chain.lumping import lump_many
 from flexlink.common.memo import Memo
 from flexlink.describe.link import AXES
 from flexlink.describe.material import SHAPES, SectionProperties, rectangle

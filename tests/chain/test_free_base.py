@@ -5,15 +5,15 @@ import pytest
 from msgspec.structs import replace
 
 import flexlink as fl
-from flexlink.chain.free_base import (
+from flexlink.chain.rigid import (
     angles_of,
+    matrix_from_quaternion,
     product_of,
     quaternions_of,
     rates_matrices,
     rates_matrices_changing,
     rotations_of,
 )
-from flexlink.chain.rigid import matrix_from_quaternion
 from flexlink.common.types import Array
 from tests.conftest import make_scene
 from tests.support.words import refused

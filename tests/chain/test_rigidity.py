@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import flexlink as fl
-from flexlink.chain.variants import lump_many
+from flexlink.chain.lumping import lump_many
 from flexlink.cli.main import main
 from flexlink.errors import SceneError
 from tests.conftest import make_scene

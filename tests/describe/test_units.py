@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flexlink as fl
-from flexlink.chain.branches import as_lines, branches_of
+from flexlink.chain.layout import as_lines, branches_of
 from flexlink.data.csv_table import UNITS, read_csv
 from flexlink.describe.plausibility.hints import hints
 from flexlink.results.pictures.outline import outline_of

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flexlink as fl
-from flexlink.dynamics.tangent import falls, stiffness_matrix, tangent
+from flexlink.dynamics.tangent import LoadedState, falls, stiffness_matrix, tangent
 from flexlink.dynamics.vibration import eigenproblem, modal
 from flexlink.errors import ArgumentError, ConvergenceError, SingularMassError
 from tests.conftest import ROOT
@@ -190,8 +190,8 @@ def test_instability_under_nonconservative_loads_is_found_in_long_chains(rng: np
         wrench = np.array([-force, 0, 0, *rng.uniform(-0.5, 0.5, 3)])
         for follower in (False, True):
             q = rng.uniform(-1e-3, 1e-3, column.n)
-            found.append(falls(column, q, zero, wrench, every, follower))
-            assert found[-1] == tangent(column, q, zero, wrench, every, follower).falls
+            found.append(falls(column, LoadedState(q, zero, wrench, follower, every)))
+            assert found[-1] == tangent(column, q, zero, wrench, follower, every).falls
     assert {True, False} == set(found)
 
 

@@ -196,7 +196,7 @@ def l_arm(ratio, segments=9, gravity=(0.0, 0.0, 0.0), loss_time=0.0):
 def sixty_digits(chain):
     """ω of the chain's M and K to 60 digits, slowest first."""
     q, every = np.zeros(chain.n), np.arange(chain.n)
-    K = tangent(chain, q, q, np.zeros(6), every).symmetric
+    K = tangent(chain, q, q, np.zeros(6), False, every).symmetric
     with mpmath.workdps(60):
         inverse = mpmath.inverse(mpmath.cholesky(mpmath.matrix(fl.mass_matrix(chain, q).tolist())))
         S = inverse * mpmath.matrix(K.tolist()) * inverse.T

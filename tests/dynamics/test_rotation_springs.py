@@ -345,7 +345,7 @@ def test_small_motion_about_a_bent_configuration_agrees_with_the_matrices() -> N
     K = stiffness_matrix(chain, q, still, wrench)
     slopes = fl.forward_dynamics_derivatives(chain, q, still, still, tip_wrench=wrench)
     assert np.abs(M @ slopes.dq + K).max() <= 1e-9 * np.abs(K).max()
-    motion = SmallMotion(chain, 0.5 * q, still, wrench, False, np.zeros(chain.n, dtype=bool))
+    motion = SmallMotion(chain, 0.5 * q, still, wrench, False, np.arange(chain.n))
     motion.set_position(q)
     x = np.random.default_rng(0).normal(size=(2, chain.n))
     assert motion.times(K_ALONE, x) == pytest.approx(x @ K, abs=1e-12 * np.abs(K).max())

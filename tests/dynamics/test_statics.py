@@ -23,7 +23,7 @@ from flexlink import (
 )
 from flexlink.dynamics import equilibrium as module
 from flexlink.dynamics import rounding
-from flexlink.dynamics.equilibrium import _rounded, static_postures
+from flexlink.dynamics.equilibrium import static_postures
 from flexlink.dynamics.load_path import LARGEST_ARC
 from flexlink.errors import ArgumentError, ConvergenceError
 from flexlink.strength import buckling_loads
@@ -324,12 +324,3 @@ def test_a_column_that_buckles_in_a_sequence_does_not_stay_upright() -> None:
     chain = fl.lump(soft.varied({"material.aluminium.young": 2e8}))
     angles = way([60.0], [0.0], 7)
     np.testing.assert_allclose(static_postures(chain, angles), one_by_one(chain, angles), rtol=0, atol=1e-12)
-
-
-@pytest.mark.parametrize("decimals", range(-2, 25))
-def test_rounding_to_decimals_equals_python_round(decimals: int, rng: np.random.Generator) -> None:
-    size = 10.0 ** rng.integers(-12, 3)
-    ties = (rng.integers(-1000, 1000, 300) + 0.5) / 10.0**decimals
-    x = np.concatenate([size * rng.normal(size=2000), ties, [0.0]])
-    found = _rounded(x[:, None], [decimals])[:, 0]
-    np.testing.assert_array_equal(found, [round(each, decimals) for each in x.tolist()])

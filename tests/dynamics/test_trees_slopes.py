@@ -104,7 +104,7 @@ def test_small_motion_products_and_solutions_equal_those_of_the_matrices(tree, f
         K, D = K + chain.matrix("stiffness"), np.diag(damping_slope(chain))
         assert np.abs(stiffness_matrix(chain, q, qd, wrench, follower) - K).max() < 1e-14 * size
         assert np.abs(gyroscopic_matrix(chain, q, qd) - C).max() <= 1e-13 * np.abs(C).max()
-        motion = SmallMotion(chain, q, qd, wrench, follower, locked)
+        motion = SmallMotion(chain, q, qd, wrench, follower, np.flatnonzero(~locked))
         x = np.where(locked, 0.0, rng.normal(size=(2, chain.n)))
         for weights in (*np.eye(3), np.array([1.0, 0.7, 0.49])):
             A = np.tensordot(weights, [K, C + D, M], 1)

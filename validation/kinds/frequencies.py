@@ -12,8 +12,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from flexlink import engines
-from flexlink.chain import free_base
 from flexlink.chain.chain import Chain
+from flexlink.chain.coordinates import BASE_JOINTS
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
@@ -152,7 +152,7 @@ def _state(scene: Scene, variant: Variant, settings: Settings) -> _State:
     chain = lump(scene)
     held = [chain.index(scene.arm.number(link), 0, 0) for link in variant.hold]
     still = [k for k, c in enumerate(chain.coordinates) if c.link and c.axis and c.axis not in settings.axes]
-    rigid = len(chain.active) - len(held) + free_base.JOINTS * chain.has_free_base
+    rigid = len(chain.active) - len(held) + BASE_JOINTS * chain.has_free_base
     return _State(chain, *initial_state(scene, chain), held + still, rigid)
 
 

@@ -84,15 +84,10 @@ class SensorOutputs:
             )
         here = SimpleNamespace(chain=chain, t=np.zeros(1), q=q[None], qd=qd[None], qdd=qdd[None], tau=tau[None])
         slopes = slopes_of(sensor, scene, chain, q, qd, qdd)
+        none = np.zeros_like(next(iter(slopes.values())))
         return Output(
-            names=column_names([sensor], scene.arm),
-            signal=np.asarray(signal_of(sensor, scene, here)[:, 0]),
-            q=slopes.q,
-            qd=slopes.qd,
-            qdd=slopes.qdd if slopes.qdd.any() else None,
-            tau=slopes.tau if slopes.tau.any() else None,
-            gain=sensor.gain,
-            bias=sensor.bias,
-            filter=linear_filter(sensor.filters),
-            delay=sensor.delay,
-        )
+            names=column_names([sensor], scene.arm), signal=np.asarray(signal_of(sensor, scene, here)[:, 0]),
+            q=slopes.get("q", none), qd=slopes.get("qd", none), qdd=slopes.get("qdd"), tau=slopes.get("tau"),
+            gain=sensor.gain, bias=sensor.bias,
+            filter=linear_filter(sensor.filters), delay=sensor.delay,
+        )  # fmt: skip

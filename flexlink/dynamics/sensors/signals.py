@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,58 +22,17 @@ from flexlink.dynamics.point_motion import motion_in_body, point_slopes
 from flexlink.dynamics.strain import beam_strain, known_at
 from flexlink.kernels.geometry.kinematics import forward_kinematics
 
-
-class Samples(Protocol):
-    """The samples of a run."""
-
-    @property
-    def t(self) -> Array:
-        """Times (samples,) [s]."""
-
-    @property
-    def chain(self) -> Chain:
-        """The chain that moves."""
-
-    @property
-    def q(self) -> Array:
-        """Angles (samples, n)."""
-
-    @property
-    def qd(self) -> Array:
-        """Rates (samples, n)."""
-
-    @property
-    def tau(self) -> Array:
-        """Drive torques (samples, n)."""
-
-    @property
-    def qdd(self) -> Array:
-        """Accelerations (samples, n)."""
-
-
-class Slopes(NamedTuple):
-    """Derivatives of signals (columns,) with respect to q, q̇, q̈ and drive torques, each of shape (columns, n)."""
-
-    q: Array
-    qd: Array
-    qdd: Array
-    tau: Array
+Samples = Any
+"""The samples of a run: an object with `RunSamples`' chain, t, q, qd, tau and, for accelerometers, qdd."""
 
 
 def signal_of(sensor: Sensor, scene: Scene, run: Samples) -> Array:
-    """Ideal signal of a sensor at the samples of a run, in SI units and radians, shape (columns, samples).
-
-    Raises
-    ------
-    SceneError
-        As in `placement_of`.
-    SingularMassError
-        For accelerometers, as in `forward_dynamics`.
-    """
+    """Ideal signal of a sensor at the samples of a run, in SI units and radians, shape (columns, samples)."""
     if sensor.kind == "strain":
         return gauge_strain(sensor, scene, run.q)[None]
     if sensor.kind in OF_THE_DRIVE:
-        k, seen = joint_of(sensor, run.chain, scene), run.q if sensor.kind == "joint" else run.tau
+        k = joint_of(sensor, run.chain, scene)
+        seen: Array = run.q if sensor.kind == "joint" else run.tau
         return seen[None, :, k] / (sensor.torque_constant or 1.0)
     body, point, axes = placement_of(sensor, scene)
     qdd = run.qdd if sensor.kind == "accelerometer" else np.zeros_like(run.q)
@@ -86,22 +45,17 @@ def joint_of(sensor: Sensor, chain: Chain, scene: Scene) -> int:
     return chain.index(scene.arm.number(sensor.link), 0, 0)
 
 
-def slopes_of(sensor: Sensor, scene: Scene, chain: Chain, q: Array, qd: Array, qdd: Array) -> Slopes:
-    """Derivatives of `signal_of` at a state (n,); errors as in `signal_of`."""
+def slopes_of(sensor: Sensor, scene: Scene, chain: Chain, q: Array, qd: Array, qdd: Array) -> dict[str, Array]:
+    """Derivatives of `signal_of` at a state by q, q̇, q̈ and drive torques, "q", "qd", "qdd", "tau", if not 0."""
     if sensor.kind == "strain":
-        return _slopes(chain.n, q=gauge_slope(sensor, scene, chain, q)[None])
+        return {"q": gauge_slope(sensor, scene, chain, q)[None]}
     if sensor.kind in OF_THE_DRIVE:
         selected = np.zeros((1, chain.n))
         selected[0, joint_of(sensor, chain, scene)] = 1.0 / (sensor.torque_constant or 1.0)
-        return _slopes(chain.n, **{"q" if sensor.kind == "joint" else "tau": selected})
+        return {"q" if sensor.kind == "joint" else "tau": selected}
     body, point, axes = placement_of(sensor, scene)
     parts = point_slopes(chain, q, qd, qdd, body, point)[sensor.kind]
-    return _slopes(chain.n, **{name: axes @ part for name, part in zip(Slopes._fields, parts, strict=False)})
-
-
-def _slopes(n: int, **parts: Array) -> Slopes:
-    columns = len(next(iter(parts.values())))
-    return Slopes(*(parts.get(name, np.zeros((columns, n))) for name in Slopes._fields))
+    return {name: axes @ part for name, part in zip(("q", "qd", "qdd"), parts, strict=False)}
 
 
 # A strain gauge: strain from a cubic through the nearest hinges, and its derivative with respect to the angles.
@@ -156,21 +110,13 @@ def gauge_slope(sensor: Sensor, scene: Scene, chain: Chain, q: Array) -> Array:
     return np.asarray((8 * (near - nearer) - (far - farther)) / (12 * nudge))
 
 
-# Placement of a sensor: its body, its position there, and the directions that it measures.
-
-
 def placement_of(sensor: Sensor, scene: Scene) -> tuple[int, Array, Array]:
-    """Return where a sensor of point motion is placed on the lumped arm, and the directions that it measures.
+    """Where a sensor of point motion is placed on the lumped arm, and the directions that it measures.
 
     The result is the index of a body in `chain.bodies`, the point in its axes [m], (3,), and the measured directions as
-    unit vectors (columns, 3), in axes of the body; for a position sensor, in axes of frame 0.
-
-    On a flexible link the body is the segment at the sensor's position; at a hinge, the outboard segment.
-
-    Raises
-    ------
-    SceneError
-        The sensor is mounted on a part that is fixed in frame 0; or as in `lump`.
+    unit vectors (columns, 3), in axes of the body; for a position sensor, in axes of frame 0. On a flexible link the
+    body is the segment at the sensor's position; at a hinge, the outboard segment. Parts that are fixed in frame 0 are
+    refused.
     """
     chain, arm = lump(scene), scene.arm
     wanted = np.eye(3) if sensor.axis is None else unit("axis", sensor.axis)[None]

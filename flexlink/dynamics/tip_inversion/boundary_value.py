@@ -54,12 +54,12 @@ class InverseMotion(NamedTuple):
     correction: float
 
 
-def inverse_motion(chain: Chain, path: TipPath, *, most: int = 60, enough: float = 1e-10) -> InverseMotion:
-    """Find the bounded motion whose tip follows a path, from the postures at rest, to a correction of `enough`."""
+def inverse_motion(chain: Chain, path: TipPath) -> InverseMotion:
+    """Find the bounded motion whose tip follows a path, from the postures at rest."""
     aims, springs, q = aims_of(chain, path.postures), springs_of(chain), path.postures.copy()
     span, change, factors = float(np.ptp(q, axis=0).max()), np.inf, None
     best = InverseMotion(q, q, q, q, np.inf)
-    for _ in range(most):
+    for _ in range(60):
         qd, qdd = _differences(q, path.spacing)
         try:
             torque = required_torque(chain, q, qd, qdd, path.wrench)
@@ -72,14 +72,14 @@ def inverse_motion(chain: Chain, path: TipPath, *, most: int = 60, enough: float
         defect = np.empty_like(q)
         defect[:, chain.active] = np.einsum("kij,kj->ki", aims, path.tips - tip_position(chain, q))
         defect[:, springs] = -torque[:, springs]
-        banded, pivots, scale = factors
-        correction, _ = dgbtrs(banded, *_widths(chain.n), (defect / scale).ravel(), pivots)
+        (banded, pivots, scale), width = factors, 2 * chain.n - 1
+        correction, _ = dgbtrs(banded, width, width, (defect / scale).ravel(), pivots)
         before, change = change, float(np.abs(correction).max()) / span
         if not change < 10.0:  # farther than ten times the whole motion, or not a number
             return best._replace(correction=np.inf)
         if change < best.correction:
             best = InverseMotion(q, qd, qdd, torque[:, chain.active], change)
-        if change <= enough or (change < 1e-6 and change > 2.0 * before):
+        if change <= 1e-10 or (change < 1e-6 and change > 2.0 * before):
             break
         q = q + correction.reshape(q.shape)
     return best
@@ -93,11 +93,6 @@ def _differences(q: Array, h: float) -> tuple[Array, Array]:
     return windows @ rate / h, windows @ second / h**2
 
 
-def _widths(n: int) -> tuple[int, int]:
-    """Number of diagonals below and above the main diagonal."""
-    return 2 * n - 1, 2 * n - 1
-
-
 def _factored(
     chain: Chain, path: TipPath, q: Array, qd: Array, torque: Array, aims: Array
 ) -> tuple[Array, NDArray[np.int32], Array]:
@@ -109,14 +104,14 @@ def _factored(
     blocks[1][:, chain.active] = aims @ jacobian(chain, q).linear
     scale = np.abs(blocks[1]).max(axis=2)
     blocks /= scale[:, :, None]
-    below, above = _widths(n)
-    banded = np.zeros((2 * below + above + 1, m * n))
+    width = 2 * n - 1  # diagonals on either side of the main diagonal
+    banded = np.zeros((3 * width + 1, m * n))
     row, column = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
     for shift, block in zip((-1, 0, 1), blocks, strict=True):
         k = np.arange(max(0, -shift), min(m, m - shift))[:, None, None]
         i, j = k * n + row, (k + shift) * n + column
-        banded[below + above + i - j, j] = block[k[:, 0, 0]]
-    factors, pivots, _ = dgbtrf(banded, below, above, overwrite_ab=True)
+        banded[2 * width + i - j, j] = block[k[:, 0, 0]]
+    factors, pivots, _ = dgbtrf(banded, width, width, overwrite_ab=True)
     return factors, pivots, scale
 
 

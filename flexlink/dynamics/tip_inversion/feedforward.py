@@ -35,13 +35,7 @@ class Feedforward(NamedTuple):
 
 
 def refuse(scene: Scene, chain: Chain) -> None:
-    """Refuse scenes whose tip cannot be moved by torques computed in advance.
-
-    Raises
-    ------
-    SceneError
-        The message names the key and what to change.
-    """
+    """Refuse scenes whose tip cannot be moved by torques computed in advance."""
     drive = scene.drive
     reasons = {
         "base.kind = 'free': joints of a floating arm do not place its tip; fix the base": scene.arm.base.free,
@@ -82,13 +76,9 @@ def feedforward_of(scene: Scene, chain: Chain, move: TipMove, wrench: Array) -> 
             coarse[0], 0.0, id="inversion-diverged",
         )  # fmt: skip
     found = Feedforward(
-        np.asarray(move.start + grid.spacing * (np.arange(grid.rows) - grid.before), np.float64),
-        path,
-        motion,
-        grid,
-        move,
-        zeros,
-    )
+        np.asarray(move.start + grid.spacing * (np.arange(grid.rows) - grid.before), np.float64), path, motion, grid,
+        move, zeros,
+    )  # fmt: skip
     _require_effort(scene, chain, found)
     return found
 
@@ -152,13 +142,8 @@ class Grid(NamedTuple):
 def grid_of(zeros: list[tuple[Complex, Complex]], duration: float, n: int) -> Grid:
     """Choose the times for a move of n coordinates from zeros at its start, middle and end, with and without damping.
 
-    Zeros on the imaginary axis would let the springs vibrate with the tip at rest. Those that are much faster than the
-    move are left unresolved, so that the springs follow quasi-statically.
-
-    Raises
-    ------
-    SceneError
-        A zero on the imaginary axis is not faster than the move, or the torques would decay too slowly.
+    Zeros on the imaginary axis would let the springs vibrate with the tip at rest, so they must be much faster than the
+    move: they are left unresolved, so that the springs follow quasi-statically.
     """
     fastest = 2.46  # |λ| h at the highest frequency that differences of order 6 represent
     fewest = 40  # times that resolve a move

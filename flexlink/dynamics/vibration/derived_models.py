@@ -66,10 +66,7 @@ def held(A: Array, B: Array, period: float, late: Sequence[Delay], time: float) 
 
 
 def with_queue(A: Array, B: Array, period: float, late: Sequence[Delay]) -> tuple[Array, Array]:
-    """Matrices of the state (x_k, queue of input 1, queue of input 2, …) from instant to instant.
-
-    The queue of an input contains u_k-1, …, u_k-samples.
-    """
+    """Matrices of the state (x_k, u_k-1 … u_k-samples of input 1, of input 2, …) from instant to instant."""
     n, m = B.shape
     Φ, Γ = held(A, B, period, late, period)
     size = n + sum(each.samples for each in late)

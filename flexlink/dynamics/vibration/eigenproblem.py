@@ -34,6 +34,11 @@ class Solution(NamedTuple):
     rounding: Array
 
 
+def too_large(what: str) -> ArgumentError:
+    """Return the error for matrices with which some numbers are beyond float64."""
+    return ArgumentError(f"stiffness, damping, loads or rates are so large that {what} overflow float64", id="overflow")
+
+
 class _Modes(NamedTuple):
     """Modes of K φ = μ M φ with the symmetric part of K; μ = −λ² in ascending order; Φᵀ M Φ = 1."""
 
@@ -44,26 +49,9 @@ class _Modes(NamedTuple):
 
 
 def solve(M: Array, L: Array, C: Array, stiffness: Stiffness) -> Solution:
-    """Return one λ of each conjugate pair, and each real λ; of real pairs ±λ in an undamped system, only λ > 0.
-
-    Parameters
-    ----------
-    M, L
-        Mass matrix and its Cholesky factor, M = L Lᵀ, shape (n, n).
-    C
-        Damping and gyroscopic matrix, shape (n, n).
-    stiffness
-        K, and the magnitude of its terms.
-
-    Raises
-    ------
-    ArgumentError
-        A number is beyond float64.
-    """
+    """Return one λ of each conjugate pair, and each real λ; of real pairs ±λ without damping C only λ > 0. M = L Lᵀ."""
     if not all(np.isfinite(part).all() for part in (stiffness.K, stiffness.S, C)):
-        raise ArgumentError(
-            "stiffness, damping, loads or rates are so large that numbers overflow float64", id="overflow"
-        )
+        raise too_large("numbers")
     modes = _conservative(M, L, stiffness)
     K = stiffness.K
     without_potential = np.zeros_like(K) if stiffness.conservative else (K - K.T) / 2
@@ -157,9 +145,7 @@ def _first_order(modes: _Modes, C: Array, without_potential: Array) -> Solution:
     A[y[:m], x] -= μ[:m] / s
     A[x, y[:m]] = s
     if not np.isfinite(A).all():
-        raise ArgumentError(
-            "stiffness, damping, loads or rates are so large that accelerations overflow float64", id="overflow"
-        )
+        raise too_large("accelerations")
     λ, right, rounding = _eigenvalues(A)
     if modes.falling == 0 and not without_potential.any() and _dissipative(C):
         λ.real, rounding = np.minimum(λ.real, 0.0), np.zeros(len(λ))  # the energy ½ ȧ² + ½ μ a² ≥ 0 never grows
@@ -190,9 +176,7 @@ def first_order_matrix(M: Array, C: Array, K: Array) -> Array:
     lower = [-scipy.linalg.cho_solve((L, True), right, check_finite=False) for right in (K, C)]
     A = np.block([[np.zeros_like(M), np.eye(len(M))], lower])
     if not np.isfinite(A).all():
-        raise ArgumentError(
-            "stiffness, damping, loads or rates are so large that accelerations overflow float64", id="overflow"
-        )
+        raise too_large("accelerations")
     return A
 
 
@@ -248,10 +232,6 @@ class Subspace:
             rows, M = ((V[:, kept] / np.sqrt(μ[kept])).T @ part for part in (rows, M))
         return rows, M
 
-    def _mass(self) -> tuple[Array, Array]:
-        M = self.W @ self.MW.T
-        return M, scipy.linalg.cholesky((M + M.T) / 2, lower=True)
-
     def stiffness(self) -> Stiffness:
         """K projected on the subspace, with the magnitudes of its terms."""
         n, K, each = len(self.square), self.W @ self.KW.T, np.abs(self.W)
@@ -263,20 +243,20 @@ class Subspace:
 
     def modes(self) -> Solution:
         """Modes of the chain restricted to the subspace."""
-        return solve(*self._mass(), self.W @ self.CW.T, self.stiffness())
+        M = self.W @ self.MW.T
+        L = scipy.linalg.cholesky((M + M.T) / 2, lower=True)
+        return solve(M, L, self.W @ self.CW.T, self.stiffness())
 
     def corrections(self, λ: NDArray[np.inexact], shapes: NDArray[np.inexact]) -> NDArray[np.inexact]:
-        """(K + σ C + σ² M)⁻¹ (λ² M + λ C + K) φ for each mode, relative to the largest entry of φ.
-
-        `shapes` contains the amplitudes of the modes in the subspace, in columns.
-        """
+        """(K + σ C + σ² M)⁻¹ (λ² M + λ C + K) φ, relative to the largest entry of φ, for modes in the subspace."""
         square = λ**2 if np.iscomplexobj(shapes) else (λ**2).real
         residual = square[:, None] * (shapes.T @ self.MW) + shapes.T @ self.KW
         if self.damped:
             residual = residual + λ[:, None] * (shapes.T @ self.CW)
         for k, rate in enumerate(np.abs(λ)):
             self._shift(max(rate, self.least))
-            residual[k] = self._divide(residual[k])
+            real, imaginary = self.motion.solve(np.array([residual[k].real, residual[k].imag]))[0]
+            residual[k] = real + 1j * imaginary if np.iscomplexobj(residual) else real
         largest = np.abs(shapes.T @ self.W / self.motion.scales).max(axis=1, keepdims=True)
         return np.asarray(residual / self.motion.scales / largest)
 
@@ -286,10 +266,6 @@ class Subspace:
         rows[:, self.motion.locked] = 0.0
         self._shift(self.least)
         return self.motion.solve(self.motion.times_mass(rows))[0]
-
-    def _divide(self, r: NDArray[np.inexact]) -> NDArray[np.inexact]:
-        real, imaginary = self.motion.solve(np.array([r.real, r.imag]))[0]
-        return np.asarray(real + 1j * imaginary) if np.iscomplexobj(r) else real
 
     def _shift(self, σ: float, smallest: float = 0.0) -> bool:
         """Factorize K + σ C + σ² M; return whether all pivots are positive and not small compared with their rows."""
@@ -322,16 +298,7 @@ class Subspace:
 def lowest(chain: Chain, motion: SmallMotion, loads: Array, count: int, damped: bool) -> Solution | None:
     """Return the slowest modes, with mode shapes in columns (n, count); None if the iteration does not converge.
 
-    Parameters
-    ----------
-    chain, motion
-        The chain, and its small motion.
-    loads
-        `rounding.largest_load_stiffness`, shape (n,).
-    count
-        Number of modes, less than a third of the free coordinates.
-    damped
-        Whether C is nonzero.
+    `loads` is `rounding.largest_load_stiffness`; `count` is less than a third of the free coordinates; `damped`: C ≠ 0.
     """
     square, dice = chain.stiffness + loads, np.random.default_rng(0)
     space = Subspace(motion, loads, np.where(square > 0, square, 1.0), damped)

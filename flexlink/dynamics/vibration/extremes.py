@@ -36,10 +36,9 @@ def inertia_alone(chain: Chain) -> Chain:
 def slowest_frequency(chain: Chain, q: Array) -> float:
     """Lowest natural frequency due to springs [rad/s]; joints without springs are free, and gravity is ignored.
 
-    The result is inf if no joint has a spring, or if the sprung mass is below the rounding error.
-
     Power iteration φ ← K⁻¹ S φ for K φ = ω² S φ on the hinges p with springs. S = M_pp − M_pa M_aa⁺ M_ap is their
     inertia while the joints a without springs are free. M_aa is singular if a stretched arm moves only a point mass.
+    The result is inf if no joint has a spring, or if the sprung mass is below the rounding error.
     """
     return FOUND.calling(_slowest_frequency, chain, q)
 
@@ -51,36 +50,19 @@ def _slowest_frequency(chain: Chain, q: Array) -> float:
     return math.sqrt(square) if square > 0 else math.inf
 
 
-def fastest_frequency(chain: Chain, q: Array, stiffness: Array | None = None) -> float:
-    """Highest natural frequency due to springs [rad/s], from K φ = ω² M φ, estimated from below.
-
-    `stiffness` is the diagonal of K; by default it is taken from the chain, as the other entries always are.
-
-    The result is 0 if there are no springs, and inf if the inertia of a joint is below the rounding error.
-    """
-    return float(np.sqrt(_found(chain, "stiffness", q, chain.stiffness if stiffness is None else stiffness)))
+def fastest_frequency(chain: Chain, q: Array) -> float:
+    """Highest natural frequency due to springs [rad/s], from below; 0 without springs, inf without inertia."""
+    return fastest_of(chain, q, chain.stiffness, np.zeros(chain.n))[0]
 
 
-def fastest_decay(chain: Chain, q: Array, damping: Array | None = None) -> float:
-    """Highest decay rate due to dampers [1/s], from D φ = δ M φ, estimated from below; `damping` is D's diagonal."""
-    return _found(chain, "damping", q, chain.damping if damping is None else damping)
+def fastest_decay(chain: Chain, q: Array) -> float:
+    """Highest decay rate due to dampers [1/s], from D φ = δ M φ, estimated from below."""
+    return fastest_of(chain, q, np.zeros(chain.n), chain.damping)[1]
 
 
 def fastest_of(chain: Chain, q: Array, stiffness: Array, damping: Array) -> tuple[float, float]:
     """Return `fastest_frequency` [rad/s] and `fastest_decay` [1/s] for these diagonals, computed together."""
     return FOUND.calling(_fastest, chain, q, stiffness, damping)
-
-
-def _fastest(chain: Chain, q: Array, stiffness: Array, damping: Array) -> tuple[float, float]:
-    named = {"stiffness": stiffness, "damping": damping}
-    some = {name: weights for name, weights in named.items() if np.count_nonzero(weights)}
-    posture = scratch(chain) if some else None
-    found = {name: _largest_eigenvalue(chain, name, q, weights, posture) for name, weights in some.items()}
-    return float(np.sqrt(found.get("stiffness", 0.0))), found.get("damping", 0.0)
-
-
-def _found(chain: Chain, name: str, q: Array, weights: Array) -> float:
-    return FOUND.calling(_largest_eigenvalue, chain, name, q, weights) if weights.any() else 0.0
 
 
 Posture = PlanePosture | SpacePosture | ShapedPosture
@@ -93,12 +75,16 @@ def scratch(chain: Chain) -> Posture:
     return posture if chain.shapes is None else shaped_posture(chain.arrays, chain.shapes, posture)
 
 
-def _largest_eigenvalue(chain: Chain, name: str, q: Array, weights: Array, posture: Posture | None = None) -> float:
-    """Largest λ of W φ = λ M φ by the power iteration φ ← M⁻¹ W φ; prescribed joints are at rest.
+def _fastest(chain: Chain, q: Array, *diagonals: Array) -> tuple[float, float]:
+    """√λ and λ for the largest λ of K φ = λ M φ and of D φ = λ M φ, by the power iteration φ ← M⁻¹ K φ.
 
-    W is the stiffness or damping matrix, according to `name`, with `weights` on its diagonal and the chain's couplings.
+    K and D have these diagonals and the chain's couplings; held joints are at rest.
     """
-    posture = posture or scratch(chain)
-    weights, coupled = np.ascontiguousarray(weights), np.ascontiguousarray(chain.couplings[name])
-    found = largest_eigenvalue(chain.arrays, q, weights, coupled, PASSES, CLOSE, posture)
-    return float(found) if np.isfinite(found) else np.inf
+    found, posture = [0.0, 0.0], None
+    for k, (name, weights) in enumerate(zip(("stiffness", "damping"), diagonals, strict=True)):
+        if weights.any():
+            posture = posture or scratch(chain)
+            matrix = np.ascontiguousarray(weights), np.ascontiguousarray(chain.couplings[name])
+            λ = float(largest_eigenvalue(chain.arrays, q, *matrix, PASSES, CLOSE, posture))
+            found[k] = λ if math.isfinite(λ) else math.inf
+    return math.sqrt(found[0]), found[1]

@@ -34,16 +34,10 @@ from flexlink.dynamics.vibration.linear_model import FILTER, OUTPUTS, LinearMode
 
 
 def linearize(
-    chain: Chain,
-    q: ArrayLike,
-    qd: ArrayLike | None = None,
-    tau: ArrayLike | None = None,
-    *,
-    tip_wrench: ArrayLike | None = None,
-    frame: Frame = "world",
-    outputs: Sequence[str | OutputSource] = ("tip",),
+    chain: Chain, q: ArrayLike, qd: ArrayLike | None = None, tau: ArrayLike | None = None, *,
+    tip_wrench: ArrayLike | None = None, frame: Frame = "world", outputs: Sequence[str | OutputSource] = ("tip",),
     tip_force: bool = False,
-) -> LinearModel:
+) -> LinearModel:  # fmt: skip
     """Linear model about any state, exact up to rounding, with springs, friction, gravity, rates and loads.
 
     M δq̈ = δT_EX − ∂(M q̈ + T_GC + T_FL + T_FR)/∂q δq − ∂(T_GC + T_FR)/∂q̇ δq̇ (`forward_dynamics_derivatives`). At an
@@ -98,16 +92,10 @@ def linearize(
 
 
 def linearize_many(
-    chain: Chain,
-    q: ArrayLike,
-    qd: ArrayLike | None = None,
-    tau: ArrayLike | None = None,
-    *,
-    tip_wrench: ArrayLike | None = None,
-    frame: Frame = "world",
-    outputs: Sequence[str | OutputSource] = ("tip",),
+    chain: Chain, q: ArrayLike, qd: ArrayLike | None = None, tau: ArrayLike | None = None, *,
+    tip_wrench: ArrayLike | None = None, frame: Frame = "world", outputs: Sequence[str | OutputSource] = ("tip",),
     tip_force: bool = False,
-) -> list[LinearModel]:
+) -> list[LinearModel]:  # fmt: skip
     """`linearize` about many states in one call, such as the postures of a schedule of gains.
 
     Parameters
@@ -148,12 +136,9 @@ def linearize_many(
 
 
 def _model(
-    chain: Chain,
-    state: tuple[Array, Array, Array, Array],
-    slopes: ForwardDerivatives,
-    wanted: Sequence[str | OutputSource],
-    tip_force: bool,
-) -> LinearModel:
+    chain: Chain, state: tuple[Array, Array, Array, Array], slopes: ForwardDerivatives,
+    wanted: Sequence[str | OutputSource], tip_force: bool,
+) -> LinearModel:  # fmt: skip
     """The model about a state q, q̇, q̈, T_EX."""
     (q, qd, qdd, tau), n = state, chain.n
     found = [output for each in wanted for output in _outputs(each, chain, q, qd, qdd, tau)]
@@ -168,19 +153,13 @@ def _model(
     A[n : 2 * n, :n], A[n : 2 * n, n : 2 * n], B[n : 2 * n] = slopes.dq, slopes.dqd, by_input
     C, D, z, states = _put_outputs(found, A, B, driven, n)
     model = LinearModel(
-        A=A,
-        B=B,
-        C=C,
-        D=D,
-        x=np.concatenate([q, qd, z]),
+        A=A, B=B, C=C, D=D, x=np.concatenate([q, qd, z]),
         u=np.append(np.where(chain.held[driven], 0.0, tau[driven]), np.zeros(3 * tip_force)),
-        y=np.concatenate([output.values for output in found]),
-        rate=np.concatenate([qd, qdd, np.zeros_like(z)]),
-        states=state_names(chain) + states,
-        inputs=input_names(chain) + TIP_FORCE * tip_force,
+        y=np.concatenate([output.values for output in found]), rate=np.concatenate([qd, qdd, np.zeros_like(z)]),
+        states=state_names(chain) + states, inputs=input_names(chain) + TIP_FORCE * tip_force,
         outputs=tuple(name for output in found for name in output.names),
         delays=np.concatenate([np.full(len(output.names), output.delay) for output in found]),
-    )
+    )  # fmt: skip
     unused = chain.internal
     if chain.shapes is not None:
         model, unused = _by_shapes(model, chain, q), chain.shapes.first[unused]
@@ -249,9 +228,6 @@ def _checked(outputs: object) -> list[str | OutputSource]:
         if not hasattr(each, "outputs"):
             require_one_of("outputs", each, OUTPUTS)
     return wanted
-
-
-# Poles of an arm under PD control of its joints, to which input shapers are tuned.
 
 
 def pd_poles(

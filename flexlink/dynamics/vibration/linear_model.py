@@ -350,9 +350,6 @@ def rates(slopes: Array) -> Array:
     return np.maximum(np.sqrt(np.abs(slopes)), 1.0)
 
 
-# Outputs of a linear model: derivatives of positions, rates and sensor signals with respect to state and torques.
-
-
 class Output(NamedTuple):
     """Outputs y = gain · s + bias of signals s, with their derivatives; filters and a delay may follow."""
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +20,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import Kind
 from flexlink.chain.forces import refuse_states
 from flexlink.chain.layout import Joints
+from flexlink.chain.shapes import scaled
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.types import Array, Complex
 from flexlink.common.wording import short_list
@@ -48,40 +49,23 @@ from flexlink.dynamics.vibration.eigenproblem import lowest
 # is elastic, however fast it decays.
 
 
-class Loads(NamedTuple):
-    """Load stiffness times mode shapes, (K − k) φ, shape (modes, n), with data to detect rounding errors."""
-
-    products: NDArray[np.inexact]
-    square: Array  # S² of `Stiffness`, shape (n,)
-    rounding: float
-
-
 def mode_kinds(
-    λ: Complex, shapes: NDArray[np.inexact], loads: Loads, stiffness: Array, damping: Array, coupled: Array, lent: Array
-) -> tuple[tuple[str, ...], Array]:
+    λ: Complex, φ: NDArray[np.inexact], P: Array, noise: Array, springs: Array, damping: Array, coupled: Array,
+    lent: Array,
+) -> tuple[tuple[str, ...], Array]:  # fmt: skip
     """Return the kind of every mode, and the elastic share of its energy, E / (E + P + F), shape (modes,).
 
-    Parameters
-    ----------
-    λ, shapes
-        Eigenvalues [1/s], shape (modes,), and mode shapes of the free coordinates, shape (modes, n).
-    loads
-        Products of the load stiffness with the mode shapes.
-    stiffness, damping
-        Springs [N m/rad] and derivatives of friction at rest [N m s/rad] of the free coordinates, shape (n,).
-    coupled
-        Contribution of springs and dampers between two coordinates to E, shape (modes,).
-    lent
-        J of the free coordinates [kg m²], shape (n,).
+    Mode shapes φ (modes, n), springs [N m/rad], derivatives of friction at rest [N m s/rad] and J of `lent` [kg m²],
+    (n,), are those of the free coordinates; `noise` is the rounding error of P, and `coupled` what springs and dampers
+    between two coordinates add to E, (modes,).
     """
-    square, spring = np.abs(shapes) ** 2, stiffness > 0
+    square, sprung = np.abs(φ) ** 2, springs > 0
     losses = np.abs(λ)[:, None] * damping * square
-    E = square @ stiffness + losses @ spring + coupled
-    F = losses @ ~spring
-    P = np.abs(np.einsum("mi,mi->m", shapes.conj(), loads.products))
+    E = square @ springs + losses @ sprung + coupled
+    F = losses @ ~sprung
     moving, total = λ != 0, E + P + F  # if nothing moves, E is a rounding error
     share = np.where(moving, E / np.where(total > 0, total, 1.0), 0.0)
-    loaded = moving & (P > F) & (loads.rounding * (square @ loads.square) < P)
+    loaded = moving & (P > F) & (noise < P)
     names = np.where(share > 0.5, "elastic", np.where(loaded, "pendulum", "rigid"))
     names = np.where(np.abs(λ) ** 2 * (square @ lent) > 0.5 * total, "artificial", names)
     return tuple(names.tolist()), share
@@ -176,15 +160,9 @@ class Modes(SavedResult):
 
 
 def modes(
-    chain: Chain,
-    q: ArrayLike | None = None,
-    qd: ArrayLike | None = None,
-    *,
-    tip_wrench: ArrayLike | None = None,
-    frame: Frame = "world",
-    locked: Joints = (),
-    count: int | None = None,
-) -> Modes:
+    chain: Chain, q: ArrayLike | None = None, qd: ArrayLike | None = None, *, tip_wrench: ArrayLike | None = None,
+    frame: Frame = "world", locked: Joints = (), count: int | None = None,
+) -> Modes:  # fmt: skip
     """Modes of small motion about a configuration, which should be an equilibrium (`solve_static`).
 
     M δq̈ + (D + G) δq̇ + K δq = 0,  δq = φ exp(λt):  K = ∂(T_GC + T_FL)/∂q, G = ∂T_GC/∂q̇, D = ∂T_FR/∂q̇ at rest.
@@ -239,49 +217,42 @@ def modes(
     found = None
     if few is not None and len(free) > DENSE and 3 * few < len(free) and chain.shapes is None:
         found = _lowest(chain, state, few)
-    (λ, vectors, rounding), loads = _all(chain, state) if found is None else found
+    (λ, vectors, rounding), load, entry = _all(chain, state) if found is None else found
     λ, vectors, rounding = λ[:few], vectors[:, :few], rounding[:few]
     shapes = scaled(expanded(vectors, chain, free).T).T
     points = frames(chain, q).points
-    friction = damping_slope(chain)[free]
-    springs = linearised(chain, q)
-    coupled, held = _coupled_energy(springs, λ, shapes), springs.stiffness[free]
-    kinds, shares = mode_kinds(λ, shapes[:, free], loads(shapes), held, friction, coupled, lent[free])
+    springs, φ = linearised(chain, q), shapes[:, free]
+    pairs, held = springs.couplings, springs.stiffness[free]
+    together = 2 * (shapes[:, pairs["inner"]].conj() * shapes[:, pairs["outer"]]).real
+    coupled = together @ pairs["stiffness"] + np.abs(λ) * (together @ pairs["damping"])
+    square = np.abs(held) + largest_load_stiffness(chain, rates, wrench)[free]
+    noise = entry * (np.abs(φ) ** 2 @ np.where(square > 0, square, 1.0))
+    P = np.abs(np.einsum("mi,mi->m", φ.conj(), load(shapes)))
+    kinds, shares = mode_kinds(λ, φ, P, noise, held, damping_slope(chain)[free], coupled, lent[free])
     return Modes(λ, shapes, displacements(chain, q, shapes), points, rounding, kinds, shares)
 
 
-def scaled(vectors: NDArray[np.inexact]) -> NDArray[np.inexact]:
-    """Divide columns by their largest entry, or the first of several equal ones, so rounding does not affect signs."""
-    sizes, equal = np.abs(vectors), 1e-6  # rounding makes entries of equal size differ in symmetric arms
-    first = (sizes >= (1 - equal) * sizes.max(axis=0)).argmax(axis=0)
-    return np.asarray(vectors / vectors[first, np.arange(vectors.shape[1])])
-
-
-Found = tuple[eigenproblem.Solution, Callable[[NDArray[np.inexact]], Loads]]
-"""Modes of the free coordinates, and a function that returns the load terms of mode shapes (modes, n)."""
+Found = tuple[eigenproblem.Solution, Callable[[NDArray[np.inexact]], NDArray[np.inexact]], float]
+"""Modes of the free coordinates, (K − k) φ as a function of mode shapes φ (modes, n), and the `rounding` of K."""
 
 
 def _all(chain: Chain, state: LoadedState) -> Found:
-    q, qd, wrench, follower, free = state
+    q, qd, _, _, free = state
     C = restricted(gyroscopic_matrix(chain, q, qd) + damping_matrix(chain), chain, free)
     M, L = factored_mass(chain, q, free)
-    K = tangent(chain, q, qd, wrench, free, follower)
+    K = tangent(chain, *state)
 
-    def loads(shapes: NDArray[np.inexact]) -> Loads:
+    def load(shapes: NDArray[np.inexact]) -> NDArray[np.inexact]:
         springs = about(chain, q).matrix("stiffness")
-        load = (stiffness_matrix(chain, q, qd, wrench, follower) - springs)[np.ix_(free, free)]
-        square = np.abs(linearised(chain, q).stiffness[free]) + largest_load_stiffness(chain, qd, wrench)[free]
-        return Loads(shapes[:, free] @ load.T, np.where(square > 0, square, 1.0), K.rounding)
+        return shapes[:, free] @ (stiffness_matrix(chain, *state[:4]) - springs)[np.ix_(free, free)].T
 
-    return eigenproblem.solve(M, L, C, K), loads
+    return eigenproblem.solve(M, L, C, K), load, K.rounding
 
 
 def _lowest(chain: Chain, state: LoadedState, count: int) -> Found | None:
     """Return the slowest modes; None if the iteration does not converge."""
-    q, qd, wrench, follower, free = state
-    locked = np.ones(chain.n, dtype=bool)
-    locked[free] = False
-    motion, sizes = SmallMotion(chain, q, qd, wrench, follower, locked), largest_load_stiffness(chain, qd, wrench)
+    q, qd, wrench, _, free = state
+    motion, sizes = SmallMotion(chain, *state), largest_load_stiffness(chain, qd, wrench)
     diagonal, moved = (part[free] for part in motion.inertias())
     idle = ~(moved > len(free) * np.finfo(float).eps * diagonal)
     if idle.any():
@@ -291,31 +262,18 @@ def _lowest(chain: Chain, state: LoadedState, count: int) -> Found | None:
         return None
     sprung = about(chain, q)
 
-    def loads(shapes: NDArray[np.inexact]) -> Loads:
+    def load(shapes: NDArray[np.inexact]) -> NDArray[np.inexact]:
         parts = np.vstack([shapes.real, shapes.imag])
         real, imaginary = np.split((motion.times(K_ALONE, parts) - sprung.times("stiffness", parts))[:, free], 2)
-        square = np.abs(linearised(chain, q).stiffness[free]) + sizes[free]
-        return Loads(real + 1j * imaginary, np.where(square > 0, square, 1.0), motion.rounding)
+        return np.asarray(real + 1j * imaginary)
 
-    return found._replace(shapes=found.shapes[free]), loads
-
-
-def _coupled_energy(chain: Chain, λ: Complex, shapes: NDArray[np.inexact]) -> Array:
-    """Σ 2 (K_ij + |λ| D_ij) Re φ̄_i φ_j over all couplings, for mode shapes (modes, n)."""
-    pairs = chain.couplings
-    together = 2 * (shapes[:, pairs["inner"]].conj() * shapes[:, pairs["outer"]]).real
-    return np.asarray(together @ pairs["stiffness"] + np.abs(λ) * (together @ pairs["damping"]))
+    return found._replace(shapes=found.shapes[free]), load, motion.rounding
 
 
 def natural_frequencies(
-    chain: Chain,
-    q: ArrayLike | None = None,
-    qd: ArrayLike | None = None,
-    *,
-    tip_wrench: ArrayLike | None = None,
-    frame: Frame = "world",
-    locked: Joints = (),
-) -> Array:
+    chain: Chain, q: ArrayLike | None = None, qd: ArrayLike | None = None, *, tip_wrench: ArrayLike | None = None,
+    frame: Frame = "world", locked: Joints = (),
+) -> Array:  # fmt: skip
     """Natural angular frequencies, slowest first; nan for aperiodic growth.
 
     These are `modes(...).frequencies`.
@@ -361,10 +319,7 @@ def natural_frequencies(
 
 
 def relieved(chain: Chain, q: Array, qd: Array, wrench: Array, frame: Frame) -> tuple[Chain, Array]:
-    """Return the chain with less lent inertia under tension, and the lent inertia about each hinge axis [kg m²], (n,).
-
-    The tension is that of a steady motion, at angles q and rates qd, (n,), with a tip wrench as in `internal_loads`.
-    """
+    """The chain with less lent inertia under the tension of a steady motion, and this inertia (n,) [kg m²]."""
     on, axis = hinge_bodies(chain), chain.hinges["axis"]
     lent = np.where((axis == 1) | (axis == 2), chain.described["lent"][on], 0.0)
     hinges = np.flatnonzero(lent)

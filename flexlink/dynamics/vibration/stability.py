@@ -8,7 +8,6 @@ friction enters with its largest derivative, c/w at rest, since sooner or later 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -18,7 +17,6 @@ from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array, Complex
 from flexlink.describe.actions import Frame
 from flexlink.describe.schemes import methods
@@ -26,13 +24,12 @@ from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.forces import Gains, about, damping_along, damping_matrix, force_slopes, turns_with_tip
 from flexlink.dynamics.free_motion import DENSE, restricted
 from flexlink.dynamics.rounding import EPS, scales
-from flexlink.dynamics.singularity import regular_mass
-from flexlink.dynamics.tangent import LoadedState, gyroscopic_matrix, load_matrices, load_torque, stiffness_matrix
+from flexlink.dynamics.singularity import factored_mass
+from flexlink.dynamics.tangent import LoadedState, load_matrices, load_torque
 from flexlink.dynamics.terms import inverse_dynamics
-from flexlink.dynamics.vibration.eigenproblem import first_order_matrix
+from flexlink.dynamics.vibration.eigenproblem import first_order_matrix, too_large
 from flexlink.dynamics.vibration.extremes import inertia_alone
 from flexlink.dynamics.vibration.stability_function import stable_half_disc, stable_reach
-from flexlink.kernels.bodies.mass import mass_upper
 from flexlink.kernels.tools.finite import is_finite
 
 NUDGE = 1e-4
@@ -46,58 +43,30 @@ def _along(slope: Array, φ: Array) -> Array:
 
 
 def eigenvalues(
-    chain: Chain,
-    q: ArrayLike,
-    qd: ArrayLike | None = None,
-    *,
-    tip_wrench: ArrayLike | None = None,
-    frame: Frame = "world",
-    gains: Gains | None = None,
-) -> Complex:
-    """Eigenvalues λ [1/s] of small motion about a state, two per free joint; prescribed joints are excluded.
+    chain: Chain, q: ArrayLike, qd: ArrayLike | None = None, *, tip_wrench: ArrayLike | None = None,
+    frame: Frame = "world", gains: Gains | None = None,
+) -> Complex:  # fmt: skip
+    """Eigenvalues λ [1/s] of small motion about a state, two per free joint; held joints are excluded.
 
-    λ² M + λ (D + G) + K = 0 with K = ∂(T_GC + T_FL)/∂q + k_p and D = ∂T_FR/∂q̇ at rest + k_d.
-
-    Parameters
-    ----------
-    chain
-        The chain. Its gravity is included: it stiffens a hanging arm and softens an upright one.
-    q, qd
-        Configuration [rad] and rates [rad/s], shape (n,); default: at rest.
-    tip_wrench, frame
-        Constant force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame;
-        in the latter they turn with the tip.
-    gains
-        Gains of a drive, k_p [N m/rad] and k_d [N m s/rad], shape (n,) or (n, n) each.
-
-    Raises
-    ------
-    ArgumentError
-        An argument has the wrong shape, is not real or not finite, or leads to numbers beyond float64.
-    SingularMassError
-        A coordinate has no inertia attached in this configuration.
+    λ² M + λ (D + G) + K = 0 with K = ∂(T_GC + T_FL)/∂q + k_p and D = ∂T_FR/∂q̇ at rest + k_d, the gains of a drive.
+    Arguments and errors as in `stable_step`.
     """
-    return _all_eigenvalues(chain, *_about(chain, q, qd, tip_wrench, frame, gains))
+    return _all_eigenvalues(chain, _about(chain, q, qd, tip_wrench, frame), gains)
 
 
 def fastest_eigenvalues(
-    chain: Chain,
-    q: ArrayLike,
-    qd: ArrayLike | None = None,
-    *,
-    tip_wrench: ArrayLike | None = None,
-    frame: Frame = "world",
-    gains: Gains | None = None,
-) -> Complex:
+    chain: Chain, q: ArrayLike, qd: ArrayLike | None = None, *, tip_wrench: ArrayLike | None = None,
+    frame: Frame = "world", gains: Gains | None = None,
+) -> Complex:  # fmt: skip
     """Eigenvalues that limit the step of an explicit method [1/s]; for more than 100 joints, estimated in O(n).
 
     The Lanczos method finds the largest ω² of K φ = ω² M φ and the largest δ of D φ = δ M φ; inverse and forward
     dynamics multiply by M and M⁻¹. `bounding_eigenvalues` combines ω and δ. Arguments and errors as in `eigenvalues`.
     """
-    state, gains = _about(chain, q, qd, tip_wrench, frame, gains)
+    state = _about(chain, q, qd, tip_wrench, frame)
     if chain.n <= DENSE or chain.shapes is not None:
         return _all_eigenvalues(chain, state, gains)
-    kp, kd = gains
+    kp, kd = Gains(*np.zeros((2, chain.n))) if gains is None else gains
     square = max(0.0, _largest_ratio(chain, state, lambda φ: _stiffness_along(chain, state, kp, φ)))
     δ = _largest_ratio(chain, state, lambda φ: damping_along(chain, φ) + _along(kd, φ))
     return bounding_eigenvalues(np.sqrt(square), δ)
@@ -117,21 +86,10 @@ def eigenvalue_bounds(abouts: Sequence[tuple[Chain, Array, Array]], acting: Sequ
     n, count = abouts[0][0].n if abouts else 0, len(abouts)
     if n > DENSE or not n or any(chain.shapes is not None for chain, _, _ in abouts):
         return [np.inf] * count
-    C, K, M = np.zeros((3, count, n, n))
-    held, each = np.zeros((count, n), dtype=bool), np.arange(n)
+    K, C, M = np.zeros((3, count, n, n))
+    held, each = np.array([chain.held for chain, _, _ in abouts]), np.arange(n)
     for k, ((chain, q, qd), acts) in enumerate(zip(abouts, acting, strict=True)):
-        K[k], C[k] = about(chain, q).matrix("stiffness"), damping_matrix(chain)
-        by_angle, by_rate, _ = load_matrices(chain, q, qd, acts["tip_wrench"], turns_with_tip(acts["frame"]))
-        K[k] += by_angle
-        mass_upper(chain.arrays, q, M[k])
-        gains: Gains = acts["gains"]
-        if qd.any() or gains.kp.any() or gains.kd.any():
-            kp, kd = gains.matrices()
-            K[k], C[k] = K[k] + kp, C[k] + by_rate + kd
-        if chain.forces:
-            of_angle, of_rate = force_slopes(chain, q, qd)
-            K[k], C[k] = K[k] + of_angle, C[k] + of_rate
-        held[k] = chain.held
+        K[k], C[k], M[k] = _matrices(chain, _about(chain, q, qd, acts["tip_wrench"], acts["frame"]), acts["gains"])
     if held.any():
         for A in (C, K, M):
             A[held] = A.swapaxes(1, 2)[held] = 0.0
@@ -139,7 +97,7 @@ def eigenvalue_bounds(abouts: Sequence[tuple[Chain, Array, Array]], acting: Sequ
     try:
         with np.errstate(all="ignore"):  # overflow means that there is no bound
             L = np.linalg.cholesky(M)
-            pivots, least = L[:, each, each], np.sqrt(n * np.finfo(float).eps * M[:, each, each])
+            pivots, least = L[:, each, each], np.sqrt(n * EPS * M[:, each, each])
             W = np.linalg.inv(L)
             c, k = (np.linalg.norm(W @ A @ W.swapaxes(1, 2), axis=(1, 2)) for A in (C, K))
             bounds = (c + np.sqrt(c**2 + 4 * k)) / 2
@@ -149,50 +107,30 @@ def eigenvalue_bounds(abouts: Sequence[tuple[Chain, Array, Array]], acting: Sequ
     return found
 
 
-def rate_bound(chain: Chain, q: Array, qd: Array, *, tip_wrench: Array, frame: Frame, gains: Gains) -> float:
-    """Return an upper bound on |λ| [1/s] of all eigenvalues; the arguments are as in `eigenvalues`.
+def _about(chain: Chain, q: ArrayLike, qd: ArrayLike | None, tip_wrench: ArrayLike | None, frame: Frame) -> LoadedState:
+    n = require_type("chain", chain, Chain).n
+    rates = np.zeros(n) if qd is None else vector("qd", qd, n)
+    return LoadedState(vector("q", q, n), rates, wrench_vector(tip_wrench), turns_with_tip(frame), chain.free)
 
-        λ² φ + λ M⁻¹C φ + M⁻¹K φ = 0,    so    |λ|² ≤ c |λ| + k        c = ‖M⁻¹C‖, k = ‖M⁻¹K‖
 
-    in any matrix norm that is consistent with a vector norm; the Frobenius norm is used here. If the bound is small,
-    the eigenvalues need not be computed. It is inf if it is unknown: with more than 100 joints, shapes, prescribed
-    joints, or a mass matrix that may be singular.
-    """
-    n = chain.n
-    if n > DENSE or chain.shapes is not None or chain.held.any():
-        return np.inf
-    K, C, M = load_matrices(chain, q, qd, tip_wrench, turns_with_tip(frame))
-    L, stopped = scipy.linalg.lapack.dpotrf(M, lower=1)
-    if stopped or not (L.diagonal() ** 2 > n * EPS * M.diagonal()).all():
-        return np.inf
-    kp, kd = gains.matrices()
-    K, C = K + about(chain, q).matrix("stiffness") + kp, C + damping_matrix(chain) + kd
+def _matrices(chain: Chain, state: LoadedState, gains: Gains | None) -> tuple[Array, Array, Array]:
+    """K, D + G and M of all joints, including drive gains."""
+    q, qd, *_ = state
+    K, C, M = load_matrices(chain, *state[:4])
+    K += about(chain, q).matrix("stiffness")
     if chain.forces:
         of_angle, of_rate = force_slopes(chain, q, qd)
         K, C = K + of_angle, C + of_rate
-    c, k = (math.sqrt(np.square(scipy.linalg.lapack.dpotrs(L, A, lower=1)[0]).sum()) for A in (C, K))
-    return (c + math.sqrt(c * c + 4 * k)) / 2
+    C += damping_matrix(chain)
+    if gains is not None:
+        kp, kd = gains.matrices()
+        K, C = K + kp, C + kd
+    return K, C, M
 
 
-def _about(
-    chain: Chain,
-    q: ArrayLike,
-    qd: ArrayLike | None,
-    tip_wrench: ArrayLike | None,
-    frame: Frame,
-    gains: Gains | None,
-) -> tuple[LoadedState, Gains]:
-    n = require_type("chain", chain, Chain).n
-    zero = np.zeros(n)
-    rates = zero if qd is None else vector("qd", qd, n)
-    free = chain.free
-    state = LoadedState(vector("q", q, n), rates, wrench_vector(tip_wrench), turns_with_tip(frame), free)
-    return state, Gains(zero, zero) if gains is None else gains
-
-
-def _all_eigenvalues(chain: Chain, state: LoadedState, gains: Gains) -> Complex:
-    M = regular_mass(chain, state.q, state.free)
-    C, K = _damping_and_stiffness(chain, state, gains)
+def _all_eigenvalues(chain: Chain, state: LoadedState, gains: Gains | None) -> Complex:
+    M, _ = factored_mass(chain, state.q, state.free)
+    K, C = (restricted(A, chain, state.free) for A in _matrices(chain, state, gains)[:2])
     if C.any() or np.abs(K - K.T).max(initial=0.0) > 1e-12 * np.abs(K).max(initial=0.0):  # rounding error of K
         values: Complex = scipy.linalg.eigvals(first_order_matrix(M, C, K))
         return values
@@ -206,20 +144,8 @@ def _squares(K: Array, M: Array) -> Array:
         return np.zeros(0)
     squares, _, failed = scipy.linalg.lapack.dsygvd(K, M, jobz="N", uplo="L")
     if failed or not is_finite(squares):
-        raise ArgumentError(
-            "stiffness, damping, loads or rates are so large that numbers overflow float64", id="overflow"
-        )
+        raise too_large("numbers")
     return np.asarray(squares)
-
-
-def _damping_and_stiffness(chain: Chain, state: LoadedState, gains: Gains) -> tuple[Array, Array]:
-    """D + G and K of the joints that are not prescribed, including drive gains."""
-    K = stiffness_matrix(chain, state.q, state.qd, state.wrench, state.follower)
-    C = gyroscopic_matrix(chain, state.q, state.qd) + damping_matrix(chain)
-    if gains.kp.any() or gains.kd.any():
-        kp, kd = gains.matrices()
-        K, C = K + kp, C + kd
-    return restricted(C, chain, state.free), restricted(K, chain, state.free)
 
 
 def _stiffness_along(chain: Chain, state: LoadedState, kp: Array, φ: Array) -> Array:
@@ -228,13 +154,13 @@ def _stiffness_along(chain: Chain, state: LoadedState, kp: Array, φ: Array) -> 
     if size == 0:
         return np.zeros_like(φ)
     step = NUDGE / size * φ
-    ahead, behind = (load_torque(chain, state.q + s * step, state.qd, state.wrench, state.follower) for s in (1, -1))
+    ahead, behind = (load_torque(chain, state.q + s * step, *state[1:4]) for s in (1, -1))
     held = about(chain, state.q).times("stiffness", φ) + _along(kp, φ)
     return np.asarray(held + (ahead - behind) * (size / (2 * NUDGE)))
 
 
 def _largest_ratio(chain: Chain, state: LoadedState, apply: Callable[[Array], Array]) -> float:
-    """Largest μ of A φ = μ M φ over the joints that are not prescribed; `apply` multiplies by A."""
+    """Largest μ of A φ = μ M φ over the joints that are not held; `apply` multiplies by A."""
     from scipy.sparse.linalg import LinearOperator, eigsh  # noqa: PLC0415  0.1 s; only long chains need it
 
     free, zero = np.zeros(chain.n), np.zeros(chain.n)
@@ -261,15 +187,9 @@ def largest_frequency(chain: Chain, q: ArrayLike) -> float:
 
 
 def stable_step(
-    chain: Chain,
-    q: ArrayLike | None = None,
-    qd: ArrayLike | None = None,
-    *,
-    tip_wrench: ArrayLike | None = None,
-    frame: Frame = "world",
-    gains: Gains | None = None,
-    method: str = "RK4",
-) -> float:
+    chain: Chain, q: ArrayLike | None = None, qd: ArrayLike | None = None, *, tip_wrench: ArrayLike | None = None,
+    frame: Frame = "world", gains: Gains | None = None, method: str = "RK4",
+) -> float:  # fmt: skip
     """Largest step [s] at which `method` is stable on this chain about a state.
 
     It is the largest h with |R(h'λ)| ≤ 1 + 1e-6 for all `eigenvalues` λ of the chain and all h' ≤ h. An unstable
@@ -283,8 +203,11 @@ def stable_step(
     q, qd
         Configuration [rad] and rates [rad/s], shape (n,); default: springs slack, joints at zero, as in `modes`, at
         rest.
-    tip_wrench, frame, gains
-        As in `eigenvalues`.
+    tip_wrench, frame
+        Constant force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame;
+        in the latter they turn with the tip.
+    gains
+        Gains of a drive, k_p [N m/rad] and k_d [N m s/rad], shape (n,) or (n, n) each.
     method
         Name or file of a Runge-Kutta method.
 

@@ -54,20 +54,7 @@ def stability_polynomials(method: Method) -> tuple[Polynomial, Polynomial]:
 
 
 def stable_reach(method: Method, directions: Complex) -> Array:
-    """Largest r such that |R(xd)| ≤ 1 + g for all 0 ≤ x ≤ r; inf if this is true for all x ≥ 0.
-
-    Parameters
-    ----------
-    method
-        The method.
-    directions
-        d, unit complex numbers in the left half-plane, shape (m,).
-
-    Returns
-    -------
-    array
-        r, shape (m,).
-    """
+    """Largest r with |R(xd)| ≤ 1 + g for 0 ≤ x ≤ r, inf if for all x, at unit complex d (m,) in the left half-plane."""
     if is_stable_everywhere(method):
         return np.full(directions.shape, np.inf)
     if method.explicit:
@@ -153,10 +140,7 @@ def _zeros_of_series(series: Array) -> Array:
 
 @functools.lru_cache(maxsize=64)
 def is_stable_everywhere(method: Method) -> bool:
-    """Whether |R| ≤ 1 + g on the entire left half-plane, so the method is A-stable.
-
-    The poles of R are 1 / λ for eigenvalues λ of A. `Method` ensures that they lie in the right half-plane.
-    """
+    """Whether |R| ≤ 1 + g on the left half-plane; `Method` ensures that the poles of R, 1/λ(A), are not there."""
     if method.explicit:  # R is a polynomial
         return False
     P, Q = stability_polynomials(method)

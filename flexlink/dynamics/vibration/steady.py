@@ -35,15 +35,9 @@ SAME = 1e-9
 
 
 def modes_in_motion(
-    chain: Chain,
-    rates: Mapping[str, float],
-    q: ArrayLike | None = None,
-    *,
-    tip_wrench: ArrayLike | None = None,
-    frame: Frame = "world",
-    locked: Joints = (),
-    count: int | None = None,
-) -> Modes:
+    chain: Chain, rates: Mapping[str, float], q: ArrayLike | None = None, *, tip_wrench: ArrayLike | None = None,
+    frame: Frame = "world", locked: Joints = (), count: int | None = None,
+) -> Modes:  # fmt: skip
     """Modes of an arm about a steady motion in which some joints move at constant rates.
 
     The configuration is `equilibrium_in_motion`, in which centrifugal forces, gravity, springs and loads balance. The
@@ -91,14 +85,9 @@ def modes_in_motion(
 
 
 def equilibrium_in_motion(
-    chain: Chain,
-    rates: Mapping[str, float],
-    q: ArrayLike | None = None,
-    *,
-    tip_wrench: ArrayLike | None = None,
-    frame: Frame = "world",
-    locked: Joints = (),
-) -> Equilibrium:
+    chain: Chain, rates: Mapping[str, float], q: ArrayLike | None = None, *, tip_wrench: ArrayLike | None = None,
+    frame: Frame = "world", locked: Joints = (),
+) -> Equilibrium:  # fmt: skip
     """Configuration of an arm with some joints at constant rates; all others satisfy T_GC(q, q̇) + T_FL(q) = 0.
 
     It is the result of `solve_static(chain, q, qd)`, starting from slack springs, with a check for steady motion.
@@ -131,13 +120,9 @@ def equilibrium_in_motion(
 
 
 def _steady_posture(
-    chain: Chain,
-    turning: Array,
-    held: NDArray[np.intp],
-    q: ArrayLike | None,
-    tip_wrench: ArrayLike | None,
+    chain: Chain, turning: Array, held: NDArray[np.intp], q: ArrayLike | None, tip_wrench: ArrayLike | None,
     frame: Frame,
-) -> Equilibrium:
+) -> Equilibrium:  # fmt: skip
     """Equilibrium of the other joints while the joints in `held` move at their rates (n,)."""
     start = unbent(chain, chain.rest.copy() if q is None else vector("q", q, chain.n))
     rest = solve_static(chain, start, turning, tip_wrench=tip_wrench, frame=frame, locked=held)
@@ -148,27 +133,15 @@ def _steady_posture(
 
 
 def _moving(chain: Chain, rates: Mapping[str, float], locked: Joints) -> tuple[Array, NDArray[np.intp]]:
-    """Rates of all joints (n,), and the indices of the held joints."""
-    turning = _rates(require_type("chain", chain, Chain), rates)
-    return turning, _held(chain, turning, rates, locked)
-
-
-def _rates(chain: Chain, rates: Mapping[str, float]) -> Array:
-    """Rates of all joints (n,); 0 for joints that are not named."""
+    """Rates of all joints (n,), 0 for joints that are not named, and the indices of the held joints."""
+    turning = np.zeros(require_type("chain", chain, Chain).n)
     if not isinstance(rates, Mapping) or not rates:
         raise ArgumentError(
             f"rates = {truncated(rates)}: expected a dict such as {{'hub': 50.0}}, in rad/s", id="wrong-type"
         )
-    found = np.zeros(chain.n)
-    for name, rate in rates.items():
-        k = steady_joint(chain, name)
-        found[k] = vector(f"rates[{name!r}]", [rate], 1)[0]
-    return found
-
-
-def _held(chain: Chain, turning: Array, rates: Mapping[str, float], locked: Joints) -> NDArray[np.intp]:
-    """Indices of the joints that move at given rates or are locked."""
     named = [steady_joint(chain, name) for name in rates]
+    for k, (name, rate) in zip(named, rates.items(), strict=True):
+        turning[k] = vector(f"rates[{name!r}]", [rate], 1)[0]
     held = chain.joint_indices("locked", locked)
     for k in named:
         if k in held and turning[k]:
@@ -176,17 +149,11 @@ def _held(chain: Chain, turning: Array, rates: Mapping[str, float], locked: Join
                 f"locked: {chain.joint_name(k)!r} moves with a rate of {turning[k]:g}; leave it out",
                 id="locked-and-moving",
             )
-    return np.union1d(named, held).astype(np.intp)
+    return turning, np.union1d(named, held).astype(np.intp)
 
 
 def steady_joint(chain: Chain, name: str) -> int:
-    """Index of the joint called `name`.
-
-    Raises
-    ------
-    ArgumentError
-        There is no such joint, it is locked in the scene, or it is a hinge with a spring.
-    """
+    """Index of the joint called `name`; refuses locked joints and hinges with springs."""
     k = chain.joint_index("rates", name, perhaps_locked=True)
     if k < 0:
         raise ArgumentError(
@@ -223,36 +190,26 @@ def _check_steady(chain: Chain, steady: LoadedState) -> None:
 
 def _scaled_terms(chain: Chain, q: Array, steady: LoadedState) -> tuple[Array, Array, Array]:
     """T_GC, M and K of the free coordinates in a configuration, each relative to the magnitude of its terms."""
-    _, qd, wrench, follower, free = steady
+    _, qd, wrench, _, free = steady
     loads = rounding.largest_load_stiffness(chain, qd, wrench)
     stiff = np.sqrt(np.where(chain.stiffness + loads > 0, chain.stiffness + loads, 1.0))[free]
     M, block = mass_matrix(chain, q), np.ix_(free, free)
     inertia = np.sqrt(M.diagonal())[free]
-    torque = load_torque(chain, q, qd, wrench, follower) / np.where(loads > 0, loads, 1.0)
-    K = stiffness_matrix(chain, q, qd, wrench, follower)
+    torque = load_torque(chain, q, *steady[1:4]) / np.where(loads > 0, loads, 1.0)
+    K = stiffness_matrix(chain, q, *steady[1:4])
     return torque[free], M[block] / np.outer(inertia, inertia), K[block] / np.outer(stiff, stiff)
 
 
-# The arm at rest with its driven joints held: its sag, its modes, and its first elastic frequency.
-
-
 def rest_of(chain: Chain, q: Array, *, tip_wrench: ArrayLike | None = None, frame: Frame = "world") -> Equilibrium:
-    """Static equilibrium with the driven joints held at their angles in q, shape (n,) [rad].
-
-    Errors as in `solve_static`.
-    """
+    """Static equilibrium with the driven joints held at their angles in q (n,) [rad]; errors as in `solve_static`."""
     held = chain.active.tolist()
     return solve_static(chain, unbent(chain, q), tip_wrench=tip_wrench, frame=frame, locked=held)
 
 
 def modes_at_rest(
-    chain: Chain,
-    rest: Equilibrium,
-    *,
-    tip_wrench: ArrayLike | None = None,
-    frame: Frame = "world",
+    chain: Chain, rest: Equilibrium, *, tip_wrench: ArrayLike | None = None, frame: Frame = "world",
     count: int | None = None,
-) -> Modes:
+) -> Modes:  # fmt: skip
     """The `count` slowest modes, or all, about the equilibrium `rest` with the driven joints held."""
     return modes(chain, rest.q, tip_wrench=tip_wrench, frame=frame, locked=chain.active.tolist(), count=count)
 
@@ -260,10 +217,7 @@ def modes_at_rest(
 def first_elastic_frequency(
     chain: Chain, q: Array, *, tip_wrench: ArrayLike | None = None, frame: Frame = "world"
 ) -> float:
-    """Lowest elastic frequency of the arm at rest [Hz] with its driven joints held at their angles in q; nan if none.
-
-    Errors as in `solve_static`.
-    """
+    """Lowest elastic frequency at rest [Hz] with driven joints held; nan if none. Errors as in `solve_static`."""
     if not (chain.stiffness[~chain.held] > 0).any():
         return np.nan
     rest = rest_of(chain, q, tip_wrench=tip_wrench, frame=frame)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import contextlib
 import html
-import importlib
 import json
 import re
 import shutil
@@ -21,12 +20,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import integer, positive, require_callable, require_one_of
-from flexlink.common.errors import EngineError, MissingDependencyError, how_to_install
+from flexlink.common.errors import EngineError, MissingDependencyError
 from flexlink.common.interruption import StoppedError, deferred, word
 from flexlink.common.output import write_or_keep
 from flexlink.common.types import Array
 from flexlink.data.documents import require_path
-from flexlink.results.files import ending
+from flexlink.results.files import ending, imported
 from flexlink.results.pictures.colouring import STOPS, UNKNOWN, Colour
 from flexlink.results.pictures.film import Film, film_of
 from flexlink.results.pictures.projection import (
@@ -37,6 +36,7 @@ from flexlink.results.pictures.projection import (
     floor_of,
     number,
     subtitle,
+    thickest,
 )
 
 if TYPE_CHECKING:
@@ -94,7 +94,6 @@ def shot(path: str | Path, *, magnify: float, colour: str, fps: float, speed: fl
 
 def animate(run: RunSamples, wanted: Shot, progress: Progress | None = None) -> PlayedPath:
     """Draw the specified film of a run and write it to its file; errors as in `Trajectory.animate`."""
-    writers = {".gif": _gif, ".mp4": _mp4, ".html": _html}
     require_callable("progress", progress)
     report, path = progress or (lambda _: None), wanted.path
     film = film_of(run, magnify=wanted.magnify, colour=wanted.colour, fps=wanted.fps, speed=wanted.speed)
@@ -106,20 +105,12 @@ def animate(run: RunSamples, wanted: Shot, progress: Progress | None = None) -> 
             raise StoppedError(stop.signal, f"{path}: {word(stop.signal)}, not written")
 
     with deferred() as stop:
-        write_or_keep(path, lambda place: writers[path.suffix](film, place, wanted.width, pulse))
+        write_or_keep(path, lambda place: _write(film, path.suffix, place, wanted.width, pulse))
     return PlayedPath(path)
 
 
 def require_film(path: Path) -> None:
-    """Check that a film with this file name can be made, before any frame is drawn.
-
-    Raises
-    ------
-    ArgumentError
-        The extension is not .gif, .mp4 or .html.
-    MissingDependencyError
-        matplotlib is not installed, or, for .mp4, ffmpeg.
-    """
+    """Refuse the name of a film that cannot be made here, before any frame is drawn."""
     ending(path, tuple(FORMATS), "a film")
     if path.suffix != ".html":
         _drawing()
@@ -128,49 +119,34 @@ def require_film(path: Path) -> None:
 
 
 def _drawing() -> ModuleType:
-    try:
-        return importlib.import_module("flexlink.results.pictures.drawing")
-    except ImportError:
-        raise MissingDependencyError(
-            f"a film needs matplotlib; use .html, or install it with: {how_to_install('report')}",
-            id="package-missing",
-        ) from None
+    return imported("flexlink.results.pictures.drawing", "a film needs matplotlib; use .html, or", "report")
 
 
-def _gif(film: Film, place: Path, width: int, report: Progress) -> None:
-    drawing = _drawing().Drawing(film, width)
-    like = [drawing.image(int(k)) for k in np.linspace(0, len(film.t) - 1, 6)]
-    write_gif(place, _counted(drawing, film, report), like, round(1000 / film.fps))
+def _write(film: Film, format: str, place: Path, width: int, report: Progress) -> None:
+    """Write a film in a format, and report the progress."""
+    if format == ".html":
+        place.write_bytes(page(film, width).encode())
+        report(1.0)
+        return
+    drawing, count = _drawing().Drawing(film, width), len(film.t)
 
+    def images() -> Iterator[Image]:
+        for k in range(count):
+            yield drawing.image(k)
+            report((k + 1) / count)
 
-def _mp4(film: Film, place: Path, width: int, report: Progress) -> None:
-    drawing = _drawing().Drawing(film, width)
-    write_mp4(place, _counted(drawing, film, report), drawing.size, film.fps)
-
-
-def _counted(drawing: Any, film: Film, report: Progress) -> Iterator[NDArray[np.uint8]]:
-    """Yield every frame, and report the progress."""
-    for k in range(len(film.t)):
-        yield drawing.image(k)
-        report((k + 1) / len(film.t))
-
-
-def _html(film: Film, place: Path, width: int, report: Progress) -> None:
-    place.write_bytes(page(film, width).encode())
-    report(1.0)
-
-
-# Frames as a GIF by Pillow, which comes with matplotlib, or as a video by ffmpeg.
+    if format == ".mp4":
+        write_mp4(place, images(), drawing.size, film.fps)
+    else:
+        like = [drawing.image(int(k)) for k in np.linspace(0, count - 1, 6)]
+        write_gif(place, images(), like, round(1000 / film.fps))
 
 
 Image = NDArray[np.uint8]
 
 
 def write_gif(place: Path, images: Iterable[Image], like: Iterable[Image], milliseconds: int) -> None:
-    """Write frames of shape (height, width, 3), each shown for this time, as a GIF that repeats endlessly.
-
-    All frames use the same 256 colours, chosen for the images `like`; a palette that changes would cause flicker.
-    """
+    """Write frames (height, width, 3), each shown for this time, as an endless GIF with one palette, that of `like`."""
     from PIL import Image as Pillow  # noqa: PLC0415  needed only for drawing
 
     palette = Pillow.fromarray(np.concatenate(list(like))).quantize(256, dither=Pillow.Dither.NONE)
@@ -180,13 +156,7 @@ def write_gif(place: Path, images: Iterable[Image], like: Iterable[Image], milli
 
 
 def require_ffmpeg() -> str:
-    """Path of the program ffmpeg.
-
-    Raises
-    ------
-    MissingDependencyError
-        ffmpeg is not installed.
-    """
+    """Path of the program ffmpeg, which must be installed."""
     found = shutil.which("ffmpeg")
     if found is None:
         raise MissingDependencyError(
@@ -198,15 +168,7 @@ def require_ffmpeg() -> str:
 
 
 def write_mp4(place: Path, images: Iterable[Image], size: tuple[int, int], fps: float) -> None:
-    """Write frames of shape (height, width, 3), height and width even, as H.264, which every browser plays.
-
-    Raises
-    ------
-    MissingDependencyError
-        ffmpeg is not installed.
-    EngineError
-        ffmpeg failed.
-    """
+    """Write frames of shape (height, width, 3), height and width even, as H.264, which every browser plays."""
     width, height = size
     command = [
         require_ffmpeg(), "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}",
@@ -242,9 +204,6 @@ def _fed(command: list[str], images: Iterable[Image], output: IO[bytes]) -> int:
     return process.returncode
 
 
-# A film as one HTML page with data and player, which needs only a browser.
-
-
 def page(film: Film, width: int) -> str:
     """Return the HTML page, that is, the template filled with title, data and texts."""
     template = (files("flexlink.results.pictures") / "data" / "player.html").read_text(encoding="utf-8")
@@ -262,45 +221,21 @@ def data_of(film: Film) -> dict[str, Any]:
     poses = np.concatenate([film.p, film.R[..., 1], film.R[..., 2]], axis=-1)  # origin, y and z of every body
     level = np.nan_to_num(found.values / found.largest * 254, nan=255.0) if found.largest else found.values * 0 + 255
     return {
-        "name": film.name,
-        "about": film.about,
-        "subtitle": subtitle(film),
-        "fps": film.fps,
-        "digits": digits_of_time(film),
-        "bodies": film.p.shape[1],
-        "t": _floats(film.t),
-        "poses": _floats(poses),
+        "name": film.name, "about": film.about, "subtitle": subtitle(film), "fps": film.fps,
+        "digits": digits_of_time(film), "bodies": film.p.shape[1], "t": _floats(film.t), "poses": _floats(poses),
         "values": base64.b64encode(np.nan_to_num(level, nan=255.0).round().astype(np.uint8).tobytes()).decode(),
-        "link": outline.link.tolist(),
-        "body": outline.body.tolist(),
-        "place": _floats(outline.place),
-        "axes": _floats(outline.axes),
-        "across": _floats(outline.across),
-        "round": outline.round.astype(int).tolist(),
-        "railBody": outline.rails[0].tolist(),
-        "railPlace": _floats(outline.rails[1]),
-        "order": outline.order.tolist(),
-        "joints": outline.joints.tolist(),
-        "radii": projected.joint_radii.tolist(),
-        "ball": projected.ball_radius,
-        "base": projected.base_half,
-        "baseBody": outline.base,
-        "center": outline.center.tolist(),
-        "trace": _floats(film.trace),
-        "traceT": _floats(film.trace_t),
-        "view": film.view.axes.tolist(),
-        "vertical": film.view.vertical.tolist(),
-        "spatial": film.view.spatial,
-        "pivot": pivot.tolist(),
-        "window": window,
-        "thinnest": projected.thinnest[0],
-        "floor": floor_of(film).tolist() if film.view.spatial else [],
-        "level": floor_level(film),
-        "stops": list(STOPS),
-        "unknown": UNKNOWN,
-        "label": found.label if found.largest else "",
+        "link": outline.link.tolist(), "body": outline.body.tolist(), "place": _floats(outline.place),
+        "axes": _floats(outline.axes), "across": _floats(outline.across), "round": outline.round.astype(int).tolist(),
+        "railBody": outline.rails[0].tolist(), "railPlace": _floats(outline.rails[1]), "order": outline.order.tolist(),
+        "joints": outline.joints.tolist(), "radii": projected.joint_radii.tolist(), "ball": projected.ball_radius,
+        "base": projected.base_half, "baseBody": outline.base, "center": outline.center.tolist(),
+        "trace": _floats(film.trace), "traceT": _floats(film.trace_t), "view": film.view.axes.tolist(),
+        "vertical": film.view.vertical.tolist(), "spatial": film.view.spatial, "pivot": pivot.tolist(),
+        "window": window, "thinnest": projected.thinnest[0],
+        "floor": floor_of(film).tolist() if film.view.spatial else [], "level": floor_level(film),
+        "stops": list(STOPS), "unknown": UNKNOWN, "label": found.label if found.largest else "",
         "ticks": [number(part * found.largest) for part in (0.0, 0.5, 1.0)],
-    }
+    }  # fmt: skip
 
 
 def turned_window(projected: Projected) -> tuple[Array, list[float]]:
@@ -316,9 +251,9 @@ def turned_window(projected: Projected) -> tuple[Array, list[float]]:
     found, v = np.concatenate([part.reshape(-1, 3) for part in (film.points, film.bodies, film.ball)]), view.vertical
     heights, level = found @ v, found - (found @ v)[:, None] * v
     pivot = (level.min(axis=0) + level.max(axis=0)) / 2
-    r = float(np.linalg.norm(level - pivot, axis=1).max()) + projected.thickest
+    r = float(np.linalg.norm(level - pivot, axis=1).max()) + thickest(film)
     cos_e, sin_e, room = float(view(v)[1]), float(view.axes[2] @ v), AROUND * 2 * r
-    low, high = cos_e * min(heights.min(), floor_level(film)), cos_e * (heights.max() + projected.thickest)
+    low, high = cos_e * min(heights.min(), floor_level(film)), cos_e * (heights.max() + thickest(film))
     return pivot, [-r - room, r + room, low - sin_e * r - room, high + sin_e * r + room]
 
 

@@ -82,16 +82,8 @@ class Drawing:
         for collection in (self._links, self._joints):
             self.axes.add_collection(collection, autolim=False)
         self.axes.add_patch(self._ball)
-        self._movers = [
-            self._shadow,
-            self._trace,
-            self._line,
-            self._links,
-            self._base,
-            self._joints,
-            self._ball,
-            self._clock,
-        ]
+        lines = self._shadow, self._trace, self._line
+        self._movers = *lines, self._links, self._base, self._joints, self._ball, self._clock
 
     def _place(self, k: int) -> None:
         film, projected = self.film, self.projected
@@ -166,14 +158,8 @@ class Legend:
         place.set_axis_off()
         for name, tip in axes_of_frame(view):
             place.plot([0.0, tip[0]], [0.0, tip[1]], color=BASE, linewidth=1.0)
-            place.text(
-                *(1.45 * tip / max(float(np.linalg.norm(tip)), 0.6)),
-                name,
-                fontsize=8,
-                color=GREY,
-                ha="center",
-                va="center",
-            )
+            beyond = 1.45 * tip / max(float(np.linalg.norm(tip)), 0.6)
+            place.text(*beyond, name, fontsize=8, color=GREY, ha="center", va="center")
 
     def _key(self, payload: bool) -> None:
         words = [("■ base", BASE), ("○ joint", INK), ("● payload", GREY), ("— path of the tip", TRACE)]

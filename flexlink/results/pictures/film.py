@@ -21,35 +21,21 @@ MOST_FRAMES = 3000  # about two minutes of film; a GIF with more frames would no
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Film:
-    """An arm in motion, in frame 0.
+    """An arm in motion, in frame 0; body 0 is the fixed base, the last body the tip frame."""
 
-    Attributes
-    ----------
-    name, about
-        Name of the chain, and the scene's description.
-    magnify, speed, fps
-        Magnification of the deflections; seconds of the run per second of the film; frames per second of the film.
-    t
-        Time of each frame in the run [s], shape (f,).
-    R, p
-        Rotations (f, b, 3, 3) and origins (f, b, 3) [m] of bodies; body 0 is the fixed base, the last the tip frame.
-    trace, trace_t
-        Path of the tip (m, 3) [m], and its times (m,) [s].
-    """
-
-    name: str
-    about: str
-    magnify: float
-    speed: float
-    fps: float
+    name: str  # of the chain
+    about: str  # the scene's description
+    magnify: float  # magnification of the deflections
+    speed: float  # seconds of the run per second of the film
+    fps: float  # frames per second of the film
     outline: Outline
     view: View
     colouring: Colouring
-    t: Array
-    R: Array
-    p: Array
-    trace: Array
-    trace_t: Array
+    t: Array  # (f,) time of each frame in the run [s]
+    R: Array  # (f, b, 3, 3) rotations of the bodies
+    p: Array  # (f, b, 3) their origins [m]
+    trace: Array  # (m, 3) path of the tip [m]
+    trace_t: Array  # (m,) its times [s]
 
     @property
     def bodies(self) -> Array:
@@ -87,13 +73,7 @@ class Film:
 
 
 def film_of(run: RunSamples, *, magnify: float, colour: Colour, fps: float, speed: float) -> Film:
-    """Film of a run with a frame every `speed`/`fps` seconds of the run; each frame shows the nearest sample.
-
-    Raises
-    ------
-    ArgumentError
-        The run has no samples or no scene, or needs too many frames.
-    """
+    """Film of a run with a frame every `speed`/`fps` seconds of the run; each frame shows the nearest sample."""
     if run.scene is None or not len(run.t):
         what = "scene = None: a film needs the scene of" if len(run.t) else "samples = 0: a film needs samples of"
         raise ArgumentError(f"{what} {run.chain.name!r}; expected a run of `simulate`", id="wrong-type")
@@ -109,31 +89,12 @@ def film_of(run: RunSamples, *, magnify: float, colour: Colour, fps: float, spee
     true = (R, p) if magnify == 1 else placed(run, run.q[rows])
     trace = frames(run.chain, bent[along]).points[:, -1]
     found = colouring(colour, scene.arm, outline, true, shown)
-    return Film(
-        run.chain.name,
-        scene.about,
-        magnify,
-        speed,
-        fps,
-        outline,
-        view_of(run.chain),
-        found,
-        shown.t,
-        R,
-        p,
-        trace,
-        run.t[along],
-    )
+    about, view = (run.chain.name, scene.about, magnify, speed, fps), view_of(run.chain)
+    return Film(*about, outline, view, found, shown.t, R, p, trace, run.t[along])
 
 
 def frame_count(lasts: float, fps: float, speed: float) -> int:
-    """Number of frames in the film of a run that lasts `lasts` [s].
-
-    Raises
-    ------
-    ArgumentError
-        There would be more than `MOST_FRAMES`.
-    """
+    """Number of frames in the film of a run that lasts `lasts` [s], at most `MOST_FRAMES`."""
     count = 1 + int(lasts * fps / speed + 1e-6)
     if count > MOST_FRAMES:
         raise ArgumentError(

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.branches import base_body, branches_of, sliding_bodies
 from flexlink.chain.builder import Piece
 from flexlink.chain.chain import Chain
+from flexlink.chain.layout import base_body, branches_of, sliding_bodies
 from flexlink.chain.lumping import pieces
 from flexlink.common.types import Array, Indices
 from flexlink.describe.arm import Arm
@@ -62,6 +62,8 @@ def outline_of(scene: Scene, chain: Chain) -> Outline:
     link, body, place, axes, across, is_round, number, part = zip(*rows, strict=True) if rows else [()] * 8
     steel = 7850.0  # kg/m³; a payload is drawn as a ball of steel of its mass
     ball = (3 * arm.tip.mass / (4 * math.pi * steel)) ** (1 / 3)
+    sliding = sliding_bodies(chain)
+    rails = chain.bodies["parent"][sliding].astype(np.int64), chain.bodies["translation"][sliding]
     joints = np.array([chain.body(int(k)) + 1 for k in chain.active], dtype=np.int64)
     bodies, numbers, cuts = np.array(body, dtype=np.int64), np.array(number, dtype=np.int64), _cuts(arm, chain, found)
     return Outline(
@@ -69,14 +71,8 @@ def outline_of(scene: Scene, chain: Chain) -> Outline:
         np.reshape(axes, (-1, 2, 3)), np.reshape(across, (-1, 2)), np.array(is_round, dtype=bool),
         numbers, np.array(part, dtype=float),
         len(chain.bodies) + 1, joints, ball, np.array(arm.tip.center), found,
-        cuts, base_body(chain), _rails(chain), _order(chain, bodies, numbers, cuts),
+        cuts, base_body(chain), rails, _order(chain, bodies, numbers, cuts),
     )  # fmt: skip
-
-
-def _rails(chain: Chain) -> tuple[Whole, Array]:
-    """Compute `Outline.rails`."""
-    sliding = sliding_bodies(chain)
-    return chain.bodies["parent"][sliding].astype(np.int64), chain.bodies["translation"][sliding]
 
 
 def _order(chain: Chain, body: Whole, piece: Whole, cuts: list[Cuts]) -> Whole:
@@ -128,10 +124,7 @@ def _stations(arm: Arm, found: list[Piece], k: int, piece: Piece) -> list[tuple[
 
 
 def half_dimensions(arm: Arm, link: Link, x: float) -> tuple[tuple[float, float], bool]:
-    """Half the height and width of a link's section at the fraction `x` of its length [m], and whether it is round.
-
-    A general section is drawn as the rectangle of its radii of gyration, h² = 12 I_z/A, w² = 12 I_y/A.
-    """
+    """Half height and width of a section at `x` of a link [m] (general: by radii of gyration); whether it is round."""
     if link.section is None:
         return (0.0, 0.0), False
     root, tip = arm.sections[link.section], arm.sections[link.section_tip or link.section]

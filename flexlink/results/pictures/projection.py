@@ -55,14 +55,9 @@ class Projected:
         found = np.concatenate([part.reshape(-1, 3)[:, :2] for part in parts])
         if self.view.spatial:
             found = np.concatenate([found, self.floor.reshape(-1, 3)[:, :2]])
-        low, high = found.min(axis=0) - self.thickest, found.max(axis=0) + self.thickest
+        low, high = found.min(axis=0) - thickest(self.film), found.max(axis=0) + thickest(self.film)
         room = AROUND * max(float((high - low).max()), 1e-9)
         return Window(low[0] - room, high[0] + room, low[1] - room, high[1] + room)
-
-    @functools.cached_property
-    def thickest(self) -> float:
-        """Largest distance from the arm's line to the edge of a link, joint, base or payload [m]."""
-        return thickest(self.film)
 
     @functools.cached_property
     def floor(self) -> Array:
@@ -76,10 +71,7 @@ class Projected:
 
     @property
     def skeleton_points(self) -> Array:
-        """Points of the arm's line, which is drawn where links have no section, in frame 0, shape (f, m, 3).
-
-        The points are origins of bodies, stations and the payload, with nan between two points that are not connected.
-        """
+        """The arm's line, drawn where links have no section, in frame 0, (f, m, 3), with nan between separate lines."""
         film = self.film
         every = np.concatenate([film.p, film.points, film.rails, np.full_like(film.p[:, :1], np.nan)], axis=1)
         every = every[:, film.outline.order]
@@ -194,9 +186,6 @@ def nice(length: float) -> float:
     """Smallest of the numbers 1, 2, 5 × 10ⁿ, n any integer, that is at least `length`."""
     power = 10.0 ** np.floor(np.log10(max(length, 1e-12)))
     return float(next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= length * (1 - 1e-9)))
-
-
-# Texts in the pictures of a film; these texts are the same in all formats.
 
 
 def subtitle(film: Film) -> str:

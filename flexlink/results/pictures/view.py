@@ -80,10 +80,7 @@ def _axis_name(direction: Array) -> str:
 
 
 def _across(normal: Array, vertical: Array, weighs: bool) -> Array:
-    """Axes of a view normal to a plane; gravity points down or, without it, X (else Y) points right.
-
-    A nearly horizontal plane is viewed from above.
-    """
+    """Axes of a view normal to a plane, from above if it is nearly level; without gravity X (else Y) points right."""
     rises, up = float(normal @ vertical), _part_across(vertical, normal)
     lying = 0.7  # cosine between normal and vertical above which a plane is viewed from above
     if abs(rises) > lying and rises < 0:

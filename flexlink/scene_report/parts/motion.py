@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexlink.chain.branches import base_body
+from flexlink.chain.layout import base_body
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.joint_units import OF_JOINT
 from flexlink.dynamics.placement import frames

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexlink.chain.branches import as_lines
+from flexlink.chain.layout import as_lines
 from flexlink.dynamics.vibration.modal import Modes
 from flexlink.dynamics.vibration.steady import modes_at_rest
 from flexlink.motion.inputs.actuation import initial_wrench
