@@ -224,7 +224,7 @@ class Fitted:
         return path
 
 
-def building(page: str = "page") -> ModuleType:
+def building() -> ModuleType:
     """Module that builds pages of fits or of checks; it needs matplotlib and jinja2.
 
     Raises
@@ -232,7 +232,7 @@ def building(page: str = "page") -> ModuleType:
     MissingDependencyError
         matplotlib or jinja2 is not installed.
     """
-    return builder(f"flexlink.identification.{page}", "page")
+    return builder("flexlink.identification.page", "page")
 
 
 def _of_column(one: FittedColumn) -> dict[str, Any]:
