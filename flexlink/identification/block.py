@@ -137,6 +137,10 @@ def whiteness(e: Array) -> float:
     return float(scipy.special.chdtrc(lags, n * (n + 2) * np.sum(ρ**2 / (n - np.arange(1, lags + 1)))))
 
 
+LINEAR = "gain", "bias", "drift"
+"""Unknowns of an instrument that enter linearly."""
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class Block:
     """Measurements of one instrument, with a description of their noise.
@@ -177,10 +181,14 @@ class Block:
         """1 for samples that are used, 0 for outliers that are left out, shape (n,)."""
         return np.ones(len(self.y)) if self.left_out is None else np.where(self.left_out, 0.0, 1.0)
 
+    def with_deviation(self, σ: float) -> Block:
+        """The block with this standard deviation of all its noise."""
+        return dataclasses.replace(self, σ=np.full(len(self.y), σ))
+
     @property
     def linear(self) -> list[str]:
         """Unknowns of the instrument that enter linearly, in the order of the columns of a Jacobian."""
-        return [what for what in ("gain", "bias", "drift") if getattr(self, what)]
+        return [what for what in LINEAR if getattr(self, what)]
 
     @property
     def unit(self) -> str:
@@ -209,11 +217,8 @@ def unit_in(name: str) -> str:
 
 def with_noise_of_data(blocks: Sequence[Block]) -> list[Block]:
     """The blocks of a run; where the noise is neither stated nor coloured, it is estimated from the data."""
-    found = []
-    for block in blocks:
-        σ = noise_in(block)
-        found.append(block if σ is None else dataclasses.replace(block, σ=np.full(len(block.y), σ)))
-    return found
+    pairs = [(block, noise_in(block)) for block in blocks]
+    return [block if σ is None else block.with_deviation(σ) for block, σ in pairs]
 
 
 def noise_in(block: Block) -> float | None:

@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -27,7 +27,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import Sensor, column_names
 from flexlink.describe.vary import parts_of
 from flexlink.dynamics.sensors.signals import check_placements
-from flexlink.identification.block import unit_in
+from flexlink.identification.block import LINEAR, unit_in
 from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.data import Source, at_times, exact
 from flexlink.identification.experiments import (
@@ -79,8 +79,8 @@ class Bench:
 
     Attributes
     ----------
-    problem
-        The problem.
+    problem, coordinates, x
+        The problem, its parameters, and the point.
     scene
         Its scene with the values of the parameters of all runs.
     skipped
@@ -90,18 +90,16 @@ class Bench:
     def __init__(
         self, problem: FitProblem, sources: Sequence[Source], coordinates: Sequence[Coordinate], x: Array
     ) -> None:
-        self.problem = problem
+        self.problem, self.coordinates, self.x = problem, coordinates, x
         self.values = {
             (one.run, one.path): one.value(float(at)) for one, at in zip(coordinates, x, strict=True) if not one.timing
         }
         self.scene = problem.scene.varied({path: value for (run, path), value in self.values.items() if not run})
         self.skipped: list[Diagnostic] = []
         known = {source.name: source for source in sources if source.is_run}
-        self.runs: list[tuple[FitRun, Source | None]] = [
-            (run, known[run.name]) for run in problem.run if run.name in known
-        ]
-        if not self.runs:
-            self.runs = [(FitRun(name="scene", columns={"t [s]": (0.0,)}), None)]
+        self.runs: list[tuple[FitRun, Source | None]]
+        self.runs = [(run, known[run.name]) for run in problem.run if run.name in known]
+        self.runs = self.runs or [(FitRun(name="scene", columns={"t [s]": (0.0,)}), None)]
 
     def candidates(self, experiments: Experiments) -> Iterator[Candidate]:
         """All candidates, those without simulated runs first."""
@@ -113,12 +111,12 @@ class Bench:
         for modes in experiments.modes:
             yield from self._tried(modes.name, partial(self._modes, modes))
         for run, source in self.runs:
-            yield from self._tried(
-                f"columns of {run.name!r}", partial(self._of_columns, experiments.column, run, source)
-            )
-            for motion in experiments.motion if source is not None else ():
-                for link in self._links(motion):
-                    yield from self._tried(motion.name, partial(self._motion, motion, run, source, link))
+            of_columns = partial(self._of_columns, experiments.column, run, source)
+            yield from self._tried(f"columns of {run.name!r}", of_columns)
+            if source is not None:
+                for motion in experiments.motion:
+                    for link in self._links(motion):
+                        yield from self._tried(motion.name, partial(self._motion, motion, run, source, link))
 
     def _tried(self, name: str, make: Callable[[], list[Candidate]]) -> list[Candidate]:
         try:
@@ -245,8 +243,8 @@ class Bench:
         where = "a run of the scene"
         if run in self.problem.run:
             where = f"run {run.name!r}, where it is already recorded" if head else f"a repeat of run {run.name!r}"
-        addition = replace(
-            self._run(run, f"{run.name}, {what.partition(' [')[0]}", changes, t, columns, dict.fromkeys(names, noise)),
+        addition = self._run(
+            run, f"{run.name}, {what.partition(' [')[0]}", changes, t, columns, dict.fromkeys(names, noise),
             gain=names if experiment.gain else (), bias=names if experiment.bias else (),
         )  # fmt: skip
         title = f"add {what} in {where} (noise {noise:.2g}{f' {unit}' if unit != '1' else ''})"
@@ -267,43 +265,36 @@ class Bench:
             return [""]
         return [link.name for link in self.scene.arm.links if not link.joint.locked]
 
-    def _motion(self, experiment: MotionExperiment, run: FitRun, source: Source | None, link: str) -> list[Candidate]:
-        assert source is not None
+    def _motion(self, experiment: MotionExperiment, run: FitRun, source: Source, link: str) -> list[Candidate]:
         added, on = self._mass(experiment.kilograms, run.set)
         changes = changes_of(experiment, self.problem.scene.varied(run.set), link) | added
         self._refuse_sought(changes)
         t = self._times(source, experiment.longer)
         columns = self._recorded(run, changes, t)
         where = f", joint {link}" if link else ""
-        size = {block.name: float(np.median(block.σ)) for block in source.blocks}
-        noise = {name: rounded(σ) for name, σ in size.items() if np.ptp(columns[name]) > σ}
+        blocks = [(b, float(np.median(b.σ))) for b in source.blocks]
+        noise = {b.name: rounded(σ) for b, σ in blocks if np.ptp(columns[b.name]) > σ}
         if not noise:
             raise ArgumentError("no column changes by more than its noise", id="no-effect")
-        addition = replace(
-            self._run(run, f"{run.name}, {experiment.name}{where}", changes, t, columns, noise),
-            gain=tuple(b.name for b in source.blocks if b.gain and b.name in noise),
-            bias=tuple(b.name for b in source.blocks if b.bias and b.name in noise),
-            drift=tuple(b.name for b in source.blocks if b.drift and b.name in noise),
-            delay=tuple(head for head in run.delay if head_of(head)[0] in {head_of(name)[0] for name in noise}),
-        )  # fmt: skip
+        unknown = {key: tuple(b.name for b, _ in blocks if key in b.linear and b.name in noise) for key in LINEAR}
+        unknown["delay"] = tuple(head for head in run.delay if head_of(head)[0] in {head_of(name)[0] for name in noise})
+        addition = self._run(run, f"{run.name}, {experiment.name}{where}", changes, t, columns, noise, **unknown)
         title = f"run {run.name!r} again, {experiment.name}{on}{where} (noise as in that run)"
         return [Candidate(experiment.name, title, experiment.reason, addition)]
 
     def _run(
         self, run: FitRun, name: str, changes: Mapping[str, Any], t: Array, columns: Mapping[str, Array],
-        noise: Mapping[str, float],
+        noise: Mapping[str, float], **unknown: tuple[str, ...],
     ) -> FitRun:  # fmt: skip
-        """A run to be recorded, with the columns that `noise` names."""
-        data = {"t [s]": tuple(t.tolist())} | {one: tuple(columns[one].tolist()) for one in noise}
-        parameters = tuple(
-            replace(one, start=self.values.get((run.name, one.path), one.start)) for one in run.parameter
-        )
-        start: Literal["unknown"] | None = "unknown" if run.start == "unknown" else None
-        window = None if run.window is None else (float(t[0]), float(t[-1]))
-        return FitRun(
-            name=name, columns=data, set={**run.set, **changes}, noise=dict(noise), parameter=parameters, window=window,
-            clock=run.clock, start=start,
+        """A run to be recorded, with the columns that `noise` names; `unknown` names columns by what is unknown."""
+        parameters = (replace(one, start=self.values.get((run.name, one.path), one.start)) for one in run.parameter)
+        recorded = FitRun(
+            name=name, set={**run.set, **changes}, noise=dict(noise), parameter=tuple(parameters), clock=run.clock,
+            columns={"t [s]": tuple(t.tolist())} | {one: tuple(columns[one].tolist()) for one in noise},
+            window=None if run.window is None else (float(t[0]), float(t[-1])),
+            start="unknown" if run.start == "unknown" else None,
         )  # fmt: skip
+        return replace(recorded, **unknown)
 
     def _recorded(self, run: FitRun, changes: Mapping[str, Any], t: Array) -> Mapping[str, Array]:
         """Columns of the changed run at times t, predicted by the scene."""
@@ -316,10 +307,8 @@ class Bench:
     def _times(self, source: Source | None, longer: float) -> Array:
         """Times of the samples of a run, or of the scene's run."""
         if source is None:
-            start, run = self.problem.scene.initial.time, self.problem.scene.run
-            t = np.asarray(start + run.spacing * np.arange(round(run.duration / run.spacing) + 1), np.float64)
-        else:
-            t = np.asarray(max((block.t for block in source.blocks if block.t is not None), key=len))
+            return self.problem.scene.run.times_from(self.problem.scene.initial.time)
+        t = np.asarray(max((block.t for block in source.blocks if block.t is not None), key=len))
         if longer == 1:
             return t
         between, start = float(np.median(np.diff(t))), float(t[0])
@@ -334,10 +323,8 @@ class Bench:
         """Change that clamps a known mass to the end of the last link, and its text."""
         if not kilograms:
             return {}, ""
-        links = self.scene.arm.links
-        allowed = [mass for mass in kilograms if mass <= lump(self.scene).mass / 2] or [min(kilograms)]
-        mass = max(allowed)
-        path = f"{self.scene.arm.path(len(links))}.end.mass"
+        mass = max([mass for mass in kilograms if mass <= lump(self.scene).mass / 2] or [min(kilograms)])
+        path = f"{self.scene.arm.path(len(self.scene.arm.links))}.end.mass"
         now = float(self.problem.scene.varied(dict(already)).values_at(path)[0] or 0.0)
         self._refuse_sought({path: mass})
         return {path: rounded(now + mass)}, f" ({mass:g} kg)"
