@@ -99,13 +99,7 @@ class Coordinate:
 
 
 def coordinates_of(problem: FitProblem) -> tuple[Coordinate, ...]:
-    """Coordinates of all parameters; parameters of single runs come last.
-
-    Raises
-    ------
-    SceneError
-        A path is unknown or leads to no number or several different numbers; or the initial guess is out of bounds.
-    """
+    """Coordinates of all parameters; parameters of single runs come last."""
     found = [coordinate_of(problem.scene, parameter) for parameter in problem.parameter]
     for run in problem.run:
         if run.use == "fit":
@@ -124,13 +118,7 @@ def sought_in(problem: FitProblem) -> set[str]:
 
 
 def run_coordinates(problem: FitProblem, run: FitRun) -> list[Coordinate]:
-    """Coordinates of the parameters of one run; those of its times come last.
-
-    Raises
-    ------
-    SceneError
-        As in `coordinates_of`.
-    """
+    """Coordinates of the parameters of one run; those of its times come last."""
     scene = problem.scene.varied(run.set) if run.set else problem.scene
     return [*(coordinate_of(scene, parameter, run.name) for parameter in run.parameter), *timings(run)]
 
@@ -160,13 +148,7 @@ def shifted(t: Array, begin: float, column: str, timing: Sequence[tuple[Coordina
 
 
 def coordinate_of(scene: Scene, parameter: FitParameter, run: str = "") -> Coordinate:
-    """Coordinate of one parameter of a scene.
-
-    Raises
-    ------
-    SceneError
-        As in `coordinates_of`.
-    """
+    """Coordinate of one parameter of a scene."""
     furthest = 1e3  # default bounds of a logarithmic parameter: this factor below and above the initial guess
     value = _value(scene, parameter)
     log = parameter.scale == "log" or (
@@ -245,13 +227,7 @@ def prior_rows(coordinates: Sequence[Coordinate], x: Array) -> tuple[Array, Arra
 
 
 def unit_of(scene: Scene, path: str) -> str:
-    """Return the unit of the number at a path of `Scene.varied`; "" if it has no unit, or if the unit is ambiguous.
-
-    Raises
-    ------
-    SceneError
-        The path does not exist.
-    """
+    """Return the unit of the number at a path of `Scene.varied`; "" if it has no unit, or if the unit is ambiguous."""
     found = set()
     for keys, _ in routes_to(scene.document(), FIELDS, path):
         kind = FIELDS[keys[0]]

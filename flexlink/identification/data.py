@@ -101,13 +101,7 @@ class Source:
 
 
 def recorded(problem: FitProblem, run: FitRun) -> Source:
-    """Read a recorded run of a problem.
-
-    Raises
-    ------
-    DataFileError, SceneError
-        The file, its columns, or the run's `set` are wrong.
-    """
+    """Read a recorded run of a problem."""
     scene = problem.scene.varied(run.set) if run.set else problem.scene
     known = dict.fromkeys((*columns_of(lump(scene)), *column_names(scene.sensor, scene.arm)))
     measured, offset = _from_start(run, scene, _measured(run, known))
@@ -142,13 +136,7 @@ def recorded(problem: FitProblem, run: FitRun) -> Source:
 
 
 def _from_start(run: FitRun, scene: Scene, measured: Measured) -> tuple[Measured, tuple[Diagnostic, ...]]:
-    """Measurements with times from the scene's start on, and a note if the record and the scene do not start together.
-
-    Raises
-    ------
-    DataFileError
-        The record starts so late that nearly all of the simulation would precede it.
-    """
+    """Measurements with times from the scene's start on, and a note if the record and the scene start apart."""
     furthest = 10.0  # largest time between the start of the scene and of the record, in lengths of the record
     begin, t = scene.initial.time, measured.t
     if run.start is not None and run.start != "unknown":

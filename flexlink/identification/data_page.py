@@ -70,13 +70,7 @@ class Shown:
 
 
 def chapters_of_data(problem: FitProblem) -> Chapters:
-    """Chapters "Data" and "Spectra" for the data of a problem, with predictions at the initial guess.
-
-    Raises
-    ------
-    FlexlinkError
-        As in `check_fit`.
-    """
+    """Chapters "Data" and "Spectra" for the data of a problem, with predictions at the initial guess."""
     predicted = [*_predicted(problem)]
     shown = [_shown(source, row) for source, rows in predicted if source.is_run for row in rows]
     single = [(source, rows) for source, rows in predicted if not source.is_run]

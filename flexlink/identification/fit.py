@@ -216,11 +216,6 @@ def quick_estimates(problem: FitProblem, worth: float) -> tuple[Estimate, ...]:
 
     Return an empty tuple if the model, linearized at the initial guess, explains no more than the fraction `worth` of
     the sum of squares.
-
-    Raises
-    ------
-    DataFileError, SceneError
-        As in `check_fit`.
     """
     coordinates, sources = coordinates_of(problem), sources_of(problem, "fit")
     search, x = Search(Signals(sources, coordinates), problem.loss), guess_of(coordinates)
@@ -370,11 +365,6 @@ def errors_of_inner_gyroscopes(search: Search, best: Found) -> list[Array]:
     The rotation of segment i is that of the beam at b_i = Σ w_j over the hinges before it, w_j the weights of the
     lumping rule; at x = s L it differs by the share (s − b_i) / (b_{i+1} − b_i) of the change to the next segment.
     Twice the hinges may leave this share of a segment's length as it is, so that refinement alone does not show it.
-
-    Raises
-    ------
-    FlexlinkError
-        The simulation fails.
     """
     sources, found = search.signals.sources, []
     names = {name for source in sources for sensor in _inner(source) for name in [sensor.name]}

@@ -225,13 +225,7 @@ class Fitted:
 
 
 def building() -> ModuleType:
-    """Module that builds pages of fits or of checks; it needs matplotlib and jinja2.
-
-    Raises
-    ------
-    MissingDependencyError
-        matplotlib or jinja2 is not installed.
-    """
+    """Module that builds pages of fits or of checks; it needs matplotlib and jinja2."""
     return builder("flexlink.identification.page", "page")
 
 

@@ -59,13 +59,7 @@ class GridError(NamedTuple):
 
 
 def refined_sources(sources: Sequence[Source], tolerance: float) -> list[Source]:
-    """The same data, predicted by models with twice the hinges and with steps by a tolerance.
-
-    Raises
-    ------
-    FlexlinkError
-        A scene cannot be refined, such as one that starts from coordinates of its hinges.
-    """
+    """The same data, predicted by models with twice the hinges and with steps by a tolerance."""
     return [dataclasses.replace(one, scene=_refined(one.scene, tolerance)) for one in sources]
 
 

@@ -188,13 +188,7 @@ class Likelihood(NamedTuple):
 def likelihood(
     signals: Signals, x: Array, blocks: Sequence[Sequence[Block]], slopes: Slopes | None = None
 ) -> Likelihood:
-    """Likelihood at a point, of blocks with a noise; `slopes` are the Jacobians of the predictions, None without them.
-
-    Raises
-    ------
-    FlexlinkError
-        The simulation fails.
-    """
+    """Likelihood at a point, of blocks with a noise; with Jacobians if those of the predictions, `slopes`, are given."""
     y = signals.model(x)
     J: Sequence[Sequence[Array | None]] = slopes or [[None] * len(part) for part in y]
     rows = [[row_of(*one) for one in zip(*part, strict=True)] for part in zip(blocks, y, J, strict=True)]
@@ -281,26 +275,14 @@ class Information(NamedTuple):
 
 
 def in_two_steps(signals: Signals, x: Array, blocks: Sequence[Sequence[Block]]) -> tuple[Likelihood, Likelihood]:
-    """Likelihood at a point, with finite differences of two step sizes.
-
-    Raises
-    ------
-    FlexlinkError
-        The simulation fails.
-    """
+    """Likelihood at a point, with finite differences of two step sizes."""
     signals.ahead([*signals.around(x, CENTRAL_4), *signals.around(x, CENTRAL_4, STEP / 2)])
     slopes, finer = signals.slopes(x, CENTRAL_4), signals.slopes(x, CENTRAL_4, STEP / 2)
     return likelihood(signals, x, blocks, slopes), likelihood(signals, x, blocks, finer)
 
 
 def information_of(at: Likelihood, finer: Likelihood) -> Information:
-    """Information of data and priors; `finer` has derivatives with another step size.
-
-    Raises
-    ------
-    ArgumentError
-        A derivative is not finite.
-    """
+    """Information of data and priors; `finer` has derivatives with another step size."""
     J, other = at.scaled, finer.scaled
     if not (np.isfinite(J).all() and np.isfinite(other).all()):
         raise ArgumentError("the derivatives of the predictions are not finite", id="not-finite")

@@ -38,13 +38,7 @@ START, PROBLEM = "start.toml", "problem.toml"
 
 
 def build(fitted: Fitted, folder: Path, command: str, proposals: Proposals | None = None) -> Report:
-    """Write the page and its files: fitted scene, JSON, tables, pictures; with `proposals` of experiments.
-
-    Raises
-    ------
-    FlexlinkError
-        As in `Fitted.report`.
-    """
+    """Write the page and its files: fitted scene, JSON, tables, pictures; with `proposals` of experiments."""
     begin_page(folder)
     fitted.save(folder / "fit.json")
     facts = [Fact(_with_interval(one), f"{one.name}, {_confidence(one)}") for one in fitted.numbers if one.path]
@@ -66,11 +60,6 @@ def build_check(
     """Write the page and the files of a check, or of a fit that the check refused; with `proposals` of experiments.
 
     The page shows the data first: columns beside their prediction at the initial guess, residuals, and spectra.
-
-    Raises
-    ------
-    FlexlinkError
-        The folder or a file in it cannot be written.
     """
     begin_page(folder)
     write_text(folder / "check.json", json.dumps(document(check), indent=1, ensure_ascii=False) + "\n")

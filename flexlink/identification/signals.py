@@ -62,25 +62,13 @@ class Signals:
         ]
 
     def scene(self, number: int, x: Array) -> Scene:
-        """Scene of a source at a point.
-
-        Raises
-        ------
-        FlexlinkError
-            As in `Scene.varied`.
-        """
+        """Scene of a source at a point."""
         indices = [self.coordinates[k] for k in self._own[number]]
         values = [one.value(float(x[k])) for k, one in zip(self._own[number], indices, strict=True)]
         return self._variants[number].varied({one.path: v for one, v in zip(indices, values, strict=True)})
 
     def model(self, x: Array) -> Model:
-        """Predictions at one point.
-
-        Raises
-        ------
-        FlexlinkError
-            The simulation fails.
-        """
+        """Predictions at one point."""
         known = self._points.get(x.tobytes())
         return (known or self._kept(x, slopes=self._beside))[0]
 
@@ -95,13 +83,7 @@ class Signals:
                 self._points[x.tobytes()] = good, []
 
     def slopes(self, x: Array, places: Places = CENTRAL, step: float = STEP) -> Slopes:
-        """Jacobian of the predictions of every block, shape (n, coordinates).
-
-        Raises
-        ------
-        FlexlinkError
-            The simulation fails at a neighbouring parameter value.
-        """
+        """Jacobian of the predictions of every block, shape (n, coordinates)."""
         if places != CENTRAL:
             return [self._of_source(number, x, places, step)[1] for number in range(len(self.sources))]
         return self._kept(x, slopes=True)[1]
@@ -124,13 +106,7 @@ class Signals:
         return [x, *(moved(x, k, step * at) for k in every for at in self._places(k, x, places, step))]
 
     def _of_source(self, number: int, x: Array, places: Places | None, step: float) -> tuple[list[Array], list[Array]]:
-        """Predictions of one source at a point, and their Jacobian, computed in one batch.
-
-        Raises
-        ------
-        FlexlinkError
-            The simulation fails at a neighbouring parameter value.
-        """
+        """Predictions of one source at a point, and their Jacobian, computed in one batch."""
         indices = [*self._own[number], *self._timing[number]] if places is not None else []
         step *= FINER if self.sources[number].response is not None else 1.0
         steps = np.zeros(len(x))

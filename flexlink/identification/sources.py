@@ -62,13 +62,7 @@ def sagged(problem: FitProblem, part: FitStatic, number: int) -> Source:
 
 
 def responded(problem: FitProblem, part: FitFrf, number: int) -> Source:
-    """Source of a measured frequency response: its real part and its imaginary part.
-
-    Raises
-    ------
-    DataFileError
-        As in `measured_response`.
-    """
+    """Source of a measured frequency response: its real part and its imaginary part."""
     coarse = 0.1  # standard deviation of a logarithm in the first search, which the whole curve then determines
     scene = problem.scene.varied(part.set) if part.set else problem.scene
     found = measured_response(scene, part, f"frf {number}")
@@ -101,13 +95,7 @@ def _not_zero(size: Array) -> Array:
 
 
 def sources_of(problem: FitProblem, use: Use) -> list[Source]:
-    """All sources with one use, "fit" or "check".
-
-    Raises
-    ------
-    DataFileError, SceneError
-        A file, its columns, or the `set` of a run are wrong; the message names the run.
-    """
+    """All sources with one use, "fit" or "check"."""
     found: list[Source] = []
     for run in problem.run:
         if run.use == use:

@@ -159,13 +159,7 @@ class Plan:
         return {key: values[key] for key in self.sweep.keys}
 
     def member(self, number: int) -> tuple[Scene, str]:
-        """Scene and engine of a member.
-
-        Raises
-        ------
-        SceneError
-            As in `Scene.varied`.
-        """
+        """Scene and engine of a member."""
         changes = {**self._fixed, **self.values(number)}
         engine = changes.pop("engine", "native")
         if engine not in ENGINES:
@@ -212,13 +206,7 @@ class Plan:
         return {str(name) for names in [*lists, [sweep.set.get("engine", "native")]] for name in names}
 
     def check_paths(self) -> None:
-        """Check that every key is a path of the scene; values are checked member by member.
-
-        Raises
-        ------
-        SceneError
-            A key is not a path of the scene; the message lists what is allowed.
-        """
+        """Check that every key is a path of the scene; values are checked member by member."""
         changes = {**self.sweep.set, **self.values(0)}
         changes.pop("engine", None)
         apply_changes(self.sweep.scene.document(), FIELDS, changes)

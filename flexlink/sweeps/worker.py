@@ -45,11 +45,6 @@ def rows_of(text: bytes, theirs: str, numbers: Sequence[int]) -> tuple[list[Row]
         Version of flexlink that started the sweep; rows of different versions are not mixed.
     numbers
         Numbers of the members. Members that a signal interrupts have no row.
-
-    Raises
-    ------
-    EngineError
-        The worker has another version of flexlink.
     """
     # number of members to prepare together; their chains take a few megabytes
     together = 512
@@ -67,13 +62,7 @@ def rows_of(text: bytes, theirs: str, numbers: Sequence[int]) -> tuple[list[Row]
 
 
 def handshake(text: bytes, theirs: str) -> None:
-    """Check that the worker has the same version of flexlink as the main process, and can decode the sweep.
-
-    Raises
-    ------
-    EngineError
-        The worker has another version of flexlink.
-    """
+    """Check that the worker has the same version of flexlink as the main process, and can decode the sweep."""
     if theirs != version():
         raise EngineError(
             f"a worker has flexlink {version()}, but the sweep was started by flexlink {theirs}; install the same one",

@@ -129,15 +129,7 @@ def _count_of(executor: Executor) -> int:
 
 
 def _on_cluster(address: str) -> Iterator[WorkerPool]:
-    """Pool on the cluster of a Dask scheduler at an address, for example tcp://10.0.0.1:8786.
-
-    Raises
-    ------
-    MissingDependencyError
-        Dask is not installed.
-    EngineError
-        No scheduler responds, or it has no workers.
-    """
+    """Pool on the cluster of a Dask scheduler at an address, for example tcp://10.0.0.1:8786."""
     try:
         distributed = importlib.import_module("distributed")
     except ImportError:
