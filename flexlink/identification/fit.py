@@ -18,7 +18,6 @@ from msgspec.structs import replace
 from flexlink.chain.arguments import integer, require_callable, require_one_of, require_type
 from flexlink.common.errors import Diagnostic, FlexlinkError, IdentifiabilityError
 from flexlink.common.types import Array
-from flexlink.describe.link import Link
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.sensor import Sensor, column_names
@@ -41,7 +40,7 @@ from flexlink.identification.grid import (
     warnings_of_grid,
 )
 from flexlink.identification.identifiability import Check, checked
-from flexlink.identification.inputs import InputError, gauss_newton, input_error, warnings_of_inputs
+from flexlink.identification.inputs import InputError, gauss_newton, input_error, link_of, warnings_of_inputs
 from flexlink.identification.interval import Rise, estimates, profiled, spread_at, widened, without_ends
 from flexlink.identification.likelihood import Likelihood, in_two_steps, information_of
 from flexlink.identification.problem import FitProblem
@@ -166,18 +165,12 @@ def fit(
 def _fit(
     problem: FitProblem, starts: int, *, profile: bool, grid: Grid, report: Callable[[str], None], bar: Bar | None
 ) -> Fitted:
-    coordinates, sources, checks = (
-        coordinates_of(problem),
-        sources_of(problem, "fit"),
-        sources_of(problem, "check"),
-    )
+    coordinates, sources, checks = coordinates_of(problem), sources_of(problem, "fit"), sources_of(problem, "check")
     signals = Signals(sources, coordinates)
     watch = watch_with(bar, starts + 2 * len(coordinates) * profile)
     search = Search(signals, problem.loss, coloured=problem.noise == "coloured", watch=watch)
-    start = guess_of(coordinates)
-    check = _check(
-        signals, start, [with_noise_of_data(source.blocks) for source in sources], notes([*sources, *checks])
-    )
+    start, blocks = guess_of(coordinates), [with_noise_of_data(source.blocks) for source in sources]
+    check = _check(signals, start, blocks, notes([*sources, *checks]))
     if not check.passed:
         raise IdentifiabilityError("; also ".join(one.text for one in check.lost), check)
     report("identifiability at the initial guess: passed")
@@ -191,9 +184,9 @@ def _fit(
     if not after.passed:
         numbers = tuple(map(without_ends, numbers))
     else:
-        of_scene, others = numbers[: len(coordinates)], numbers[len(coordinates) :]
-        rise = Rise(search, best, at)
-        numbers = (*widened(rise, profiled(rise, of_scene, report) if profile else of_scene), *others)
+        of_scene, rise = numbers[: len(coordinates)], Rise(search, best, at)
+        of_scene = tuple(profiled(rise, of_scene, report)) if profile else of_scene
+        numbers = (*widened(rise, of_scene), *numbers[len(coordinates) :])
         errors = systematic_errors(search, best, at, problem, grid, report)
         numbers = errors.added(numbers, coordinates, best.x, spread.wide)
     numbers = tuple(map(within_bounds, numbers))
@@ -294,11 +287,7 @@ class Systematic(NamedTuple):
     @property
     def shifts(self) -> list[Array]:
         """Changes of the search coordinates, whose outer products add to their covariance."""
-        return [
-            RICHARDSON * self.grid.change,
-            *self.gyroscopes,
-            *(self.inputs.changes if self.inputs is not None else ()),
-        ]
+        return [RICHARDSON * self.grid.change, *self.gyroscopes, *(() if self.inputs is None else self.inputs.changes)]
 
     def warnings(self, scene: Scene, numbers: Sequence[Estimate]) -> tuple[Diagnostic, ...]:
         """Warnings about errors that exceed half of an interval, or that are unknown."""
@@ -329,18 +318,15 @@ def with_error(
     `errors` may be shorter than `numbers`; `wide` is the half-width of an interval over its deviation.
     """
     found = list(numbers)
+    itself = Coordinate("", "", 0.0, False, 1.0, (-math.inf, math.inf), None)  # of gains, biases and drifts
     for k, (one, u) in enumerate(zip(numbers, errors.tolist(), strict=False)):
-        by = coordinates[k] if k < len(coordinates) else None
-        at = float(x[k]) if by is not None else one.value
-        low, high = (end if by is None else by.x(end) for end in (one.low, one.high))
-        low, high = at - math.hypot(at - low, wide * u), at + math.hypot(high - at, wide * u)
-        size = 1.0 if by is None else by.size(one.value)
-        ends = (low, high) if by is None else (by.value(low), by.value(high))
-        statistical = min(one.half, one.statistical)
-        deviation, of_kind = math.hypot(one.deviation, size * u), {name: size * u}
+        by, at = (coordinates[k], float(x[k])) if k < len(coordinates) else (itself, one.value)
+        low, high = at - math.hypot(at - by.x(one.low), wide * u), at + math.hypot(by.x(one.high) - at, wide * u)
+        size = by.size(one.value)
         found[k] = dataclasses.replace(
-            one, low=ends[0], high=ends[1], deviation=deviation, statistical=statistical, **of_kind
-        )
+            one, low=by.value(low), high=by.value(high), deviation=math.hypot(one.deviation, size * u),
+            statistical=min(one.half, one.statistical), **{name: size * u},
+        )  # fmt: skip
     return tuple(found)
 
 
@@ -386,24 +372,16 @@ def _inner(source: Source) -> list[Sensor]:
     if not source.is_run:
         return []
     arm, compared = source.scene.arm, {block.name for block in source.blocks}
-    return [
-        one for one in source.scene.sensor
-        if one.kind == "gyroscope" and one.x is not None and isinstance(one.link, str | int)
-        and compared & {*column_names((one,), arm)} and _bends_at(_link(source.scene, one), one.x)
-    ]  # fmt: skip
-
-
-def _bends_at(link: Link, x: float) -> bool:
-    return link.flex != "rigid" and 0 < x < link.beam.length * (1 - 1e-9)
-
-
-def _link(scene: Scene, sensor: Sensor) -> Link:
-    return scene.arm.links[scene.arm.number(sensor.link) - 1]
+    inner = (
+        (one, link_of(source.scene, one)) for one in source.scene.sensor
+        if one.kind == "gyroscope" and one.x and compared & {*column_names((one,), arm)}
+    )  # fmt: skip
+    return [one for one, on in inner if on.flex != "rigid" and 0 < (one.x or 0.0) < on.beam.length * (1 - 1e-9)]
 
 
 def _neighbour(scene: Scene, sensor: Sensor) -> tuple[float, float]:
     """Position in the segment next to a gyroscope, and the share of the change to it that is the gyroscope's error."""
-    link = _link(scene, sensor)
+    link = link_of(scene, sensor)
     assert sensor.x is not None
     nodes, weights = lumping_rule(link.lumping).hinges(link.segments - 1)
     s, ends = sensor.x / link.beam.length, np.concatenate([[0.0], nodes, [1.0]])

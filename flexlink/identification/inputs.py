@@ -1,4 +1,4 @@
-"""Errors of a fit due to recorded motions that are prescribed: noise of the angles, and the cutoff of their filter.
+"""Errors of a fit due to recorded motions: noise of the angles, and the cutoff of their filter.
 
 Each run is predicted again with other versions of its recorded angles, and one Gauss-Newton step from the solution
 gives the change d of every parameter:
@@ -23,6 +23,7 @@ from flexlink.describe.actions import PrescribedMotion
 from flexlink.describe.from_files import keys_of_motion, recorded_positions
 from flexlink.describe.link import Link
 from flexlink.describe.scene import Scene
+from flexlink.describe.sensor import Sensor
 from flexlink.identification.data import Source, recorded
 from flexlink.identification.estimate import Estimate
 from flexlink.identification.problem import FitProblem, FitRun
@@ -95,7 +96,7 @@ def _too_high(scene: Scene, motion: PrescribedMotion) -> list[Diagnostic]:
     above = 2.5  # ratio of the cutoffs from which to warn; accelerations are then about ten times less accurate
     if isinstance(motion.cutoff, str) or motion.cutoff is None:
         return []
-    best = best_cutoff(*recorded_positions(motion, _link(scene, motion)))
+    best = best_cutoff(*recorded_positions(motion, link_of(scene, motion)))
     if motion.cutoff <= above * best:
         return []
     text = f"{_in_words(scene, motion)}: the filter lets noise pass; set cutoff = 'auto'"
@@ -131,7 +132,7 @@ def _version(scene: Scene, motion: PrescribedMotion, by: float, rng: np.random.G
     """A recorded motion with a multiple of its cutoff, and with added noise."""
     if motion.file is None or motion.cutoff is None:
         return motion
-    link = _link(scene, motion)
+    link = link_of(scene, motion)
     t, y = recorded_positions(motion, link)
     cutoff = by * (best_cutoff(t, y) if isinstance(motion.cutoff, str) else motion.cutoff)
     cutoff = min(cutoff, 0.45 / float(np.diff(t).max()))
@@ -145,18 +146,19 @@ def _start_of(scene: Scene, motion: PrescribedMotion) -> dict[str, float]:
     """Initial position and rate of the joint of a motion, by path."""
     if motion.file is not None:
         return {}
-    name, unit = _link(scene, motion).name, motion.keys[0].rpartition("_")[2]
+    name, unit = link_of(scene, motion).name, motion.keys[0].rpartition("_")[2]
     position, rate, _ = motion.columns
     return {f"initial.joint_{unit}.{name}": position[0], f"initial.rate_{unit}.{name}": rate[0]}
 
 
-def _link(scene: Scene, motion: PrescribedMotion) -> Link:
+def link_of(scene: Scene, motion: PrescribedMotion | Sensor) -> Link:
+    """Link of a motion or of a sensor."""
     return scene.arm.links[scene.arm.number(motion.link) - 1]
 
 
 def _in_words(scene: Scene, motion: PrescribedMotion) -> str:
     """The motion and its cutoff, with the one that cross-validation would choose."""
-    link = _link(scene, motion)
+    link = link_of(scene, motion)
     best = best_cutoff(*recorded_positions(motion, link))
     given = f"cutoff = {motion.cutoff!r}" if isinstance(motion.cutoff, str) else f"cutoff {motion.cutoff:g} Hz"
     return f"the recorded motion of {link.name} ({given}; by cross-validation {best:g} Hz)"

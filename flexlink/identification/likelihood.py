@@ -188,7 +188,7 @@ class Likelihood(NamedTuple):
 def likelihood(
     signals: Signals, x: Array, blocks: Sequence[Sequence[Block]], slopes: Slopes | None = None
 ) -> Likelihood:
-    """Likelihood at a point, of blocks with a noise; with Jacobians if those of the predictions, `slopes`, are given."""
+    """Likelihood at a point, of blocks with a noise; with Jacobians if `slopes` of the predictions are given."""
     y = signals.model(x)
     J: Sequence[Sequence[Array | None]] = slopes or [[None] * len(part) for part in y]
     rows = [[row_of(*one) for one in zip(*part, strict=True)] for part in zip(blocks, y, J, strict=True)]

@@ -222,8 +222,7 @@ class Plan:
         for name in (*keys, *outputs):
             if columns[name.casefold()] > 1:
                 raise SceneError(
-                    f"{name}: two columns would have this name (case is ignored); rename one",
-                    id="column-twice",
+                    f"{name}: two columns would have this name (case is ignored); rename one", id="column-twice"
                 )
             if not name or not name.isprintable():
                 raise SceneError(f"{truncated(name)}: is not a column name; use printable characters", id="column-name")

@@ -113,8 +113,7 @@ class Spread(Spec, frozen=True):
         normal = self.mean is not None and self.deviation is not None
         if (self.between is None) != normal or (self.mean is None) != (self.deviation is None):
             raise SceneError(
-                "between: specify either between = [low, high], or mean and deviation",
-                id="range-of-values",
+                "between: specify either between = [low, high], or mean and deviation", id="range-of-values"
             )
         if normal and (self.whole or self.spacing == "log"):
             raise SceneError(

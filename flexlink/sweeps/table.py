@@ -94,6 +94,5 @@ def _package(name: str, needed: str) -> Any:
         return importlib.import_module(name)
     except ImportError:
         raise MissingDependencyError(
-            f"this table needs {name}; install it with: {how_to_install(needed)}",
-            id="package-missing",
+            f"this table needs {name}; install it with: {how_to_install(needed)}", id="package-missing"
         ) from None

@@ -134,8 +134,7 @@ def _on_cluster(address: str) -> Iterator[WorkerPool]:
         distributed = importlib.import_module("distributed")
     except ImportError:
         raise MissingDependencyError(
-            f"a Dask cluster needs distributed; install it with: {how_to_install('dask')}",
-            id="package-missing",
+            f"a Dask cluster needs distributed; install it with: {how_to_install('dask')}", id="package-missing"
         ) from None
     try:
         client = distributed.Client(address, timeout=DASK_TIMEOUT, set_as_default=False)
@@ -146,8 +145,7 @@ def _on_cluster(address: str) -> Iterator[WorkerPool]:
             client.wait_for_workers(1, timeout=DASK_TIMEOUT)
         except TimeoutError:
             raise EngineError(
-                f"{address}: the scheduler has no workers; start some with: dask worker {address}",
-                id="no-scheduler",
+                f"{address}: the scheduler has no workers; start some with: dask worker {address}", id="no-scheduler"
             ) from None
         yield WorkerPool(client.get_executor, TASKS_PER_WORKER * max(4, sum(client.nthreads().values())))
 
