@@ -17,7 +17,7 @@ from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.plausibility.sizes import shown
 from flexlink.describe.scene import FIELDS, Scene
 from flexlink.describe.spec import bare_type, type_below, units_of
-from flexlink.describe.vary import Keys, number_in, routes_to
+from flexlink.describe.vary import number_in, routes_to
 from flexlink.identification.problem import FitParameter, FitProblem, FitRun
 
 Timing = Literal["delay", "clock", "start"]
@@ -142,6 +142,8 @@ def shifted(t: Array, begin: float, column: str, timing: Sequence[tuple[Coordina
 
     t' = begin + (t − begin − start) / (1 + clock) − delay
     """
+    if not timing:
+        return t
     of_column = {"", head_of(column)[0]}
     by = {one.timing: one.value(x) for one, x in timing if head_of(one.column)[0] in of_column}
     return begin + (t - begin - by.get("start", 0.0)) / (1 + by.get("clock", 0.0)) - by.get("delay", 0.0)
@@ -236,12 +238,7 @@ def unit_of(scene: Scene, path: str) -> str:
             below = type_below(kind, str(key))
             units = units_of(below) if isinstance(bare_type(kind), type) else units
             kind = below
-        found.add(_of_joint(scene, keys, units))
+        if len(units) == 2 and keys[0] == "link" and keys[2] == "joint":  # rad or m
+            units = (units[scene.arm.slides[keys[1]]],)
+        found.add(units[0] if len(units) == 1 else "")
     return found.pop() if len(found) == 1 else ""
-
-
-def _of_joint(scene: Scene, keys: Keys, units: tuple[str, ...]) -> str:
-    """Choose the unit of a joint's number, for a revolute or a prismatic joint."""
-    if len(units) == 2 and keys[0] == "link" and keys[2] == "joint":
-        units = (units[scene.arm.slides[keys[1]]],)
-    return units[0] if len(units) == 1 else ""

@@ -91,11 +91,7 @@ class Source:
         """
         columns, begin = run.columns, self.scene.initial.time
         return [
-            at_times(
-                run.t,
-                columns[block.name],
-                shifted(np.asarray(block.t), begin, block.name, timing) if timing else np.asarray(block.t),
-            )
+            at_times(run.t, columns[block.name], shifted(np.asarray(block.t), begin, block.name, timing))
             for block in self.blocks
         ]
 
@@ -224,11 +220,8 @@ def _with_noise(blocks: Sequence[Block]) -> tuple[Block, ...]:
     for block in blocks:
         range_of[block.unit] = max(range_of.get(block.unit, 0.0), float(np.ptp(block.y)))
     return tuple(
-        block if block.stated else dataclasses.replace(
-            block, σ=np.full(len(block.y), assumed * (range_of[block.unit] or 1.0))
-        )
-        for block in blocks
-    )  # fmt: skip
+        block if block.stated else block.with_deviation(assumed * (range_of[block.unit] or 1.0)) for block in blocks
+    )
 
 
 def exact(scene: Scene, tolerance: float) -> Scene:

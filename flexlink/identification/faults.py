@@ -59,33 +59,21 @@ class Fault(NamedTuple):
     @property
     def text(self) -> Diagnostic:
         """What the data suggest, and the key of the run that estimates it."""
+        size, wide, unit = self.size, f"{1.96 * self.deviation:.1g}", f" {self.unit}" * (self.unit != "1")
+        ms, key = f"{1e3 * abs(size):.2g} ± {1.96e3 * self.deviation:.1g} ms", f"{self.kind} = [{self.column!r}]"
+        rate = f"{100 * abs(size):.2g} ± {196 * self.deviation:.1g} % {'fast' if size > 0 else 'slow'}"
+        how = {
+            "delay": f"{ms} {'late' if size > 0 else 'early'}: {key}",
+            "start": f"if the scene starts {ms} {'later' if size > 0 else 'earlier'}: start = 'unknown'",
+            "clock": f"by a clock that runs {rate}: clock = true",
+            "bias": f"with a bias of {size:.2g} ± {wide}{unit}: {key}",
+            "drift": f"with a drift of {size:.2g} ± {wide}{unit}/s: {key}",
+            "gain": f"with a gain of {1 + size:.3g} ± {wide}: {key}",
+            "sign": "with the opposite sign: reverse it",
+        }
+        kind = "sign" if self.kind == "gain" and size < -1 else self.kind
         better = f"{self.run}{f': {self.column}' * bool(self.column)} is better explained"
-        return self._of_times(better) if self.kind in ("delay", "start", "clock") else self._of_values(better)
-
-    def _of_times(self, better: str) -> Diagnostic:
-        ms = f"{1e3 * abs(self.size):.2g} ± {1.96e3 * self.deviation:.1g} ms"
-        if self.kind == "delay":
-            when = "late" if self.size > 0 else "early"
-            return Diagnostic(f"{better} {ms} {when}: delay = [{self.column!r}]", "likely-delay")
-        if self.kind == "start":
-            when = "later" if self.size > 0 else "earlier"
-            return Diagnostic(f"{better} if the scene starts {ms} {when}: start = 'unknown'", "likely-start")
-        rate = f"{100 * abs(self.size):.2g} ± {196 * self.deviation:.1g} % {'fast' if self.size > 0 else 'slow'}"
-        return Diagnostic(f"{better} by a clock that runs {rate}: clock = true", "likely-clock")
-
-    def _of_values(self, better: str) -> Diagnostic:
-        wide, unit = f"{1.96 * self.deviation:.1g}", f" {self.unit}" if self.unit != "1" else ""
-        if self.kind == "bias":
-            return Diagnostic(
-                f"{better} with a bias of {self.size:.2g} ± {wide}{unit}: bias = [{self.column!r}]", "likely-bias"
-            )
-        if self.kind == "drift":
-            rate = f"{self.size:.2g} ± {wide}{unit}/s"
-            return Diagnostic(f"{better} with a drift of {rate}: drift = [{self.column!r}]", "likely-drift")
-        if self.size < -1:
-            return Diagnostic(f"{better} with the opposite sign: reverse it", "likely-sign")
-        gain = f"{1 + self.size:.3g} ± {wide}"
-        return Diagnostic(f"{better} with a gain of {gain}: gain = [{self.column!r}]", "likely-gain")
+        return Diagnostic(f"{better} {how[kind]}", f"likely-{kind}")
 
 
 def faults(search: Search, found: Found) -> list[Fault]:

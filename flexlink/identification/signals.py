@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from flexlink.motion.slopes_of_runs import CENTRAL, FORWARD, Places, mirrored, m
 from flexlink.results.stop_reasons import InterruptedRunError
 from flexlink.results.trajectory import Trajectory
 
+T = TypeVar("T")
 Model = list[list[Array]]
 """Predictions for every block of every source."""
 Slopes = list[list[Array]]
@@ -75,7 +77,7 @@ class Signals:
     def ahead(self, points: Sequence[Array]) -> None:
         """Compute the predictions at several points in parallel, and cache the successful ones."""
         new = {x.tobytes(): x for x in points if x.tobytes() not in self._points}
-        parts = [self._many([(number, x) for x in new.values()]) for number in range(len(self.sources))]
+        parts = [self._computed(number, list(new.values())) for number in range(len(self.sources))]
         self._most = KEPT + len(new)
         for x, *model in zip(new.values(), *parts, strict=True):
             good = [values for values in model if not isinstance(values, FlexlinkError)]
@@ -112,7 +114,7 @@ class Signals:
         steps = np.zeros(len(x))
         steps[indices] = step
         at = [self._places(k, x, places or CENTRAL, step) for k in range(len(x))]
-        values, beside = neighbours(lambda points: self._many([(number, point) for point in points]), x, steps, at)
+        values, beside = neighbours(lambda points: self._many(number, points), x, steps, at)
         slopes = [np.zeros((len(block.y), len(x))) for block in self.sources[number].blocks]
         for k, one in zip(indices, beside, strict=True):
             if isinstance(one, FlexlinkError):
@@ -126,36 +128,30 @@ class Signals:
         far = step * max(places)
         return FORWARD if x[k] - far < low else mirrored(FORWARD) if x[k] + far > high else places
 
-    def _many(self, points: Sequence[tuple[int, Array]]) -> list[list[Array] | FlexlinkError]:
+    def _many(self, number: int, points: Sequence[Array]) -> list[list[Array] | FlexlinkError]:
         """Predictions of one source at several points, taken from the cache or computed by parallel runs."""
-        if not points:
-            return []
-        cached = [self._points.get(x.tobytes()) for _, x in points]
-        if any(cached):
-            computed = iter(self._many([one for one, point in zip(points, cached, strict=True) if point is None]))
-            return [
-                next(computed) if point is None else point[0][number]
-                for (number, _), point in zip(points, cached, strict=True)
-            ]
-        number = points[0][0]
-        source, own = self.sources[number], self._own[number]
+        known = [self._points.get(x.tobytes()) for x in points]
+        new = iter(self._computed(number, [x for x, point in zip(points, known, strict=True) if point is None]))
+        return [next(new) if point is None else point[0][number] for point in known]
+
+    def _computed(self, number: int, points: Sequence[Array]) -> list[list[Array] | FlexlinkError]:
+        source, keys = self.sources[number], [x[self._own[number]].tobytes() for x in points]
         scenes: dict[bytes, Scene | FlexlinkError] = {}  # points that differ in times only have one scene
-        for _, x in points:
-            key = x[own].tobytes()
+        for key, x in zip(keys, points, strict=True):
             if key not in scenes:
-                try:
-                    scenes[key] = self.scene(number, x)
-                except FlexlinkError as error:
-                    scenes[key] = error
+                scenes[key] = _or_error(self.scene, number, x)
         if source.at_rest is not None:
-            single = {key: _single(source.at_rest, scene) for key, scene in scenes.items()}
-            return [single[x[own].tobytes()] for _, x in points]
+            single = {
+                key: scene if isinstance(scene, FlexlinkError) else _or_error(source.at_rest, scene)
+                for key, scene in scenes.items()
+            }
+            return [single[key] for key in keys]
         good = [scene for scene in scenes.values() if isinstance(scene, Scene)]
         self.runs += len(good)
         with deferred() as stop:
             ends = iter(outcomes(good, stop, compared=0))  # warnings of single runs are not shown
         runs = {key: scene if isinstance(scene, FlexlinkError) else next(ends) for key, scene in scenes.items()}
-        return [self._of_run(number, runs[x[own].tobytes()], x) for _, x in points]
+        return [self._of_run(number, runs[key], x) for key, x in zip(keys, points, strict=True)]
 
     def _of_run(self, number: int, end: object, x: Array) -> list[Array] | FlexlinkError:
         if isinstance(end, InterruptedRunError):
@@ -167,10 +163,8 @@ class Signals:
         return end
 
 
-def _single(at_rest: Callable[[Scene], list[Array]], scene: Scene | FlexlinkError) -> list[Array] | FlexlinkError:
-    if isinstance(scene, FlexlinkError):
-        return scene
+def _or_error(function: Callable[..., T], *arguments: object) -> T | FlexlinkError:
     try:
-        return at_rest(scene)
+        return function(*arguments)
     except FlexlinkError as error:
         return error

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import functools
-
 import numpy as np
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
@@ -14,7 +11,7 @@ from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.vibration.modal import modes
 from flexlink.identification.block import Block
 from flexlink.identification.data import Source, recorded
-from flexlink.identification.frequency_response import Response, at_rest, measured_response, predicted
+from flexlink.identification.frequency_response import at_rest, measured_response, predicted
 from flexlink.identification.problem import FitFrf, FitModes, FitProblem, FitStatic, Use
 
 
@@ -64,28 +61,22 @@ def sagged(problem: FitProblem, part: FitStatic, number: int) -> Source:
 def responded(problem: FitProblem, part: FitFrf, number: int) -> Source:
     """Source of a measured frequency response: its real part and its imaginary part."""
     coarse = 0.1  # standard deviation of a logarithm in the first search, which the whole curve then determines
-    scene = problem.scene.varied(part.set) if part.set else problem.scene
-    found = measured_response(scene, part, f"frf {number}")
-    whole = Source(f"frf {number}", part.use, scene, (), response=found)
-    real, imaginary = (
-        Block(f"{which} {found.name}", y, found.σ, True)
-        for which, y in (("Re", found.H.real.copy()), ("Im", found.H.imag.copy()))
-    )
+    name, scene = f"frf {number}", problem.scene.varied(part.set) if part.set else problem.scene
+    found = measured_response(scene, part, name)
+
+    def parts(scene: Scene) -> list[Array]:
+        H = predicted(scene, found.input, found.output, found.f)
+        return [H.real.copy(), H.imag.copy()]
+
+    def log_size(scene: Scene) -> list[Array]:
+        return [np.log(_not_zero(np.abs(predicted(scene, found.input, found.output, found.f))))]
+
     magnitude = _not_zero(np.abs(found.H))
     size = Block(f"ln {found.name}", np.log(magnitude), np.maximum(found.σ / magnitude, coarse), True)
-    rough = dataclasses.replace(whole, blocks=(size,), at_rest=functools.partial(_log_size, found=found))
-    return dataclasses.replace(
-        whole, blocks=(real, imaginary), at_rest=functools.partial(_parts, found=found), rough=rough
-    )
-
-
-def _parts(scene: Scene, found: Response) -> list[Array]:
-    H = predicted(scene, found.input, found.output, found.f)
-    return [H.real.copy(), H.imag.copy()]
-
-
-def _log_size(scene: Scene, found: Response) -> list[Array]:
-    return [np.log(_not_zero(np.abs(predicted(scene, found.input, found.output, found.f))))]
+    rough = Source(name, part.use, scene, (size,), at_rest=log_size, response=found)
+    real = Block(f"Re {found.name}", found.H.real.copy(), found.σ, True)
+    imaginary = Block(f"Im {found.name}", found.H.imag.copy(), found.σ, True)
+    return Source(name, part.use, scene, (real, imaginary), at_rest=parts, response=found, rough=rough)
 
 
 def _not_zero(size: Array) -> Array:
