@@ -29,10 +29,10 @@ from flexlink.identification.coordinates import hints_on_bounds
 from flexlink.identification.experiments import Experiments
 from flexlink.identification.fit import check_fit, fit
 from flexlink.identification.fitted import Fitted, building
-from flexlink.identification.grid import Grid
 from flexlink.identification.identifiability import WIDE, Check, document
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.propose import propose
+from flexlink.identification.systematic import Grid
 from flexlink.pages.tables import Table
 
 
