@@ -29,7 +29,7 @@ from flexlink.describe.vary import parts_of
 from flexlink.dynamics.sensors.signals import check_placements
 from flexlink.identification.block import LINEAR, unit_in
 from flexlink.identification.coordinates import Coordinate
-from flexlink.identification.data import Source, at_times, exact
+from flexlink.identification.data import Source, at_times, exact, sagged, tapped
 from flexlink.identification.experiments import (
     ColumnExperiment,
     Experiments,
@@ -39,7 +39,6 @@ from flexlink.identification.experiments import (
     StaticExperiment,
 )
 from flexlink.identification.problem import FitModes, FitParameter, FitProblem, FitRun, FitStatic, files_of
-from flexlink.identification.sources import sagged, tapped
 from flexlink.identification.timing import as_long
 from flexlink.motion.simulate import simulate
 

@@ -16,13 +16,12 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.vibration.steady import modes_at_rest
 from flexlink.identification.block import GAP, UNEVEN, Block, noise_in, outliers_in, unit_in
 from flexlink.identification.coordinates import coordinates_of, guess_of, run_coordinates
-from flexlink.identification.data import Source
+from flexlink.identification.data import Source, sources_of
 from flexlink.identification.fitted import Fitted
 from flexlink.identification.frequency_response import Response, at_rest, measured_response
 from flexlink.identification.likelihood import Row, likelihood
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.signals import Signals
-from flexlink.identification.sources import sources_of
 from flexlink.pages.colours import BLUE, GREY, INK, ORANGE, PALE, VERMILION
 from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture, picture_of

@@ -15,6 +15,7 @@ from flexlink.describe.variants import refined, segments_in_words
 from flexlink.identification.block import Block, with_noise_of_data
 from flexlink.identification.columns import columns_of
 from flexlink.identification.coordinates import Coordinate, coordinates_of, guess_of
+from flexlink.identification.data import sources_of
 from flexlink.identification.estimate import Estimate
 from flexlink.identification.faults import mixups, warnings_of_faults
 from flexlink.identification.fitted import Fitted
@@ -25,7 +26,6 @@ from flexlink.identification.problem import FitProblem
 from flexlink.identification.remarks import hertz_in_rad_per_s, notes, ranges_apart, warnings, with_reasons
 from flexlink.identification.signals import Signals
 from flexlink.identification.solve import Bar, Found, Search, start_points, watch_with
-from flexlink.identification.sources import sources_of
 from flexlink.identification.systematic import (
     Grid,
     Systematic,

@@ -22,7 +22,7 @@ from flexlink.common.types import Array
 from flexlink.identification.block import with_noise_of_data
 from flexlink.identification.candidates import Addition, Bench, Candidate
 from flexlink.identification.coordinates import Coordinate, coordinates_of, guess_of, run_coordinates
-from flexlink.identification.data import Source, recorded
+from flexlink.identification.data import Source, recorded, sagged, sources_of, tapped
 from flexlink.identification.experiments import Experiments, built_in
 from flexlink.identification.fitted import Fitted
 from flexlink.identification.identifiability import Direction
@@ -31,7 +31,6 @@ from flexlink.identification.problem import FitModes, FitParameter, FitProblem, 
 from flexlink.identification.proposals import Change, Proposal, Proposals
 from flexlink.identification.remarks import notes
 from flexlink.identification.signals import Signals
-from flexlink.identification.sources import sagged, sources_of, tapped
 
 
 def propose(problem: FitProblem | Fitted, experiments: str | Path | Experiments | None = None) -> Proposals:

@@ -22,14 +22,13 @@ from flexlink.identification import interval, page, solve
 from flexlink.identification.block import SHARE, Block, Colour, colour_of, whiteness
 from flexlink.identification.columns import _given, _modes, _poles, _shapes
 from flexlink.identification.coordinates import Coordinate, coordinate_of, coordinates_of, prior_rows
-from flexlink.identification.data import Source, _noise_of_sensors, _with_noise, at_times, recorded
+from flexlink.identification.data import Source, _noise_of_sensors, _with_noise, at_times, recorded, sagged
 from flexlink.identification.fitted import Fitted
 from flexlink.identification.identifiability import checked
 from flexlink.identification.interval import Spread, estimates, spread_of
 from flexlink.identification.likelihood import Likelihood, row_of
 from flexlink.identification.page import identifiability
 from flexlink.identification.signals import Signals
-from flexlink.identification.sources import sagged
 from flexlink.identification.timing import as_long, doubts_of_times, in_periods
 from flexlink.motion.slopes_of_runs import CENTRAL, CENTRAL_4, FORWARD, Places, mirrored, weights
 from tests.conftest import ROOT
