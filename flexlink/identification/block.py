@@ -143,37 +143,21 @@ LINEAR = "gain", "bias", "drift"
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Block:
-    """Measurements of one instrument, with a description of their noise.
+    """Measurements of one instrument, with a description of their noise."""
 
-    Attributes
-    ----------
-    name
-        What was measured, with the unit; for a run, the name of its column.
-    y
-        Measured values in SI units, shape (n,), finite.
-    σ
-        Standard deviation of the noise in `y`, shape (n,).
-    stated
-        Whether the problem states the noise; otherwise it is estimated from the residuals.
-    t
-        Times of a run's samples [s], shape (n,); None for single measurements, whose noise is independent.
-    colour
-        AR model of the noise, None for white noise. With a model, σ is the standard deviation of the innovations.
-    gain, bias, drift
-        Whether scale, offset, and a linear drift of the offset are unknown.
-    left_out
-        Outliers, whose residual counts as zero, shape (n,); None if all samples are used.
-    """
-
-    name: str
-    y: Array
-    σ: Array
-    stated: bool
+    name: str  # what was measured, with the unit; for a run, the name of its column
+    y: Array  # measured values in SI units, shape (n,), finite
+    σ: Array  # standard deviation of the noise in `y`, shape (n,)
+    stated: bool  # whether the problem states the noise; otherwise it is estimated from the residuals
+    # times of a run's samples [s], shape (n,); None for single measurements, whose noise is independent
     t: Array | None = None
+    # AR model of the noise, None for white noise. With a model, σ is the standard deviation of the innovations
     colour: Colour | None = None
+    # gain, bias, drift: whether scale, offset, and a linear drift of the offset are unknown
     gain: bool = False
     bias: bool = False
     drift: bool = False
+    # outliers, whose residual counts as zero, shape (n,); None if all samples are used
     left_out: npt.NDArray[np.bool_] | None = None
 
     @property

@@ -47,29 +47,14 @@ Addition = FitRun | FitModes | FitStatic | FitParameter
 
 
 class Candidate(NamedTuple):
-    """An experiment on this arm.
+    """An experiment on this arm."""
 
-    Attributes
-    ----------
-    experiment
-        Name of the experiment.
-    title
-        What to measure, with its assumed deviation.
-    reason
-        Reason for the deviation or the motion.
-    addition
-        What it adds to the problem.
-    beside
-        Run that it repeats with other columns; all candidates that repeat a run are simulated together.
-    recorded
-        The addition as read from a file of the problem that already contains its column; None if there is none.
-    """
-
-    experiment: str
-    title: str
-    reason: str
-    addition: Addition
-    beside: str = ""
+    experiment: str  # name of the experiment
+    title: str  # what to measure, with its assumed deviation
+    reason: str  # reason for the deviation or the motion
+    addition: Addition  # what it adds to the problem
+    beside: str = ""  # run that it repeats with other columns; all candidates that repeat a run are simulated together
+    # the addition as read from a file of the problem that already contains its column; None if there is none
     recorded: FitRun | None = None
 
 

@@ -30,42 +30,19 @@ OF_TIMING: dict[Timing, tuple[float, float, str]] = {
 
 @dataclasses.dataclass(frozen=True)
 class Coordinate:
-    """A parameter as a search coordinate x: value = e^x, or value = unit · x.
+    """A parameter as a search coordinate x: value = e^x, or value = unit · x."""
 
-    Attributes
-    ----------
-    path
-        Path in the scene.
-    run
-        Name of the run that the parameter belongs to; "" for a parameter of all runs.
-    start
-        Initial guess.
-    log
-        Whether x is the logarithm of the value.
-    unit
-        Typical large change of the value, if x is not its logarithm.
-    between
-        Lower and upper bound.
-    prior
-        Mean and standard deviation of the prior, if there is one.
-    measured_in
-        Unit of the value; "" for a dimensionless number.
-    timing
-        For the time of a run's data: "delay", "clock" or "start"; "" for a number of the scene.
-    column
-        Column with the delay.
-    """
-
-    path: str
-    run: str
-    start: float
-    log: bool
-    unit: float
-    between: tuple[float, float]
-    prior: tuple[float, float] | None
-    measured_in: str = ""
+    path: str  # path in the scene
+    run: str  # name of the run that the parameter belongs to; "" for a parameter of all runs
+    start: float  # initial guess
+    log: bool  # whether x is the logarithm of the value
+    unit: float  # typical large change of the value, if x is not its logarithm
+    between: tuple[float, float]  # lower and upper bound
+    prior: tuple[float, float] | None  # mean and standard deviation of the prior, if there is one
+    measured_in: str = ""  # unit of the value; "" for a dimensionless number
+    # for the time of a run's data: "delay", "clock" or "start"; "" for a number of the scene
     timing: Timing | Literal[""] = ""
-    column: str = ""
+    column: str = ""  # column with the delay
 
     @property
     def name(self) -> str:

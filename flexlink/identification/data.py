@@ -33,42 +33,22 @@ from flexlink.results.trajectory import Trajectory
 
 @dataclasses.dataclass(eq=False)
 class Source:
-    """A recorded run, or single measurements at rest.
+    """A recorded run, or single measurements at rest."""
 
-    Attributes
-    ----------
-    name, use
-        As in the problem.
-    scene
-        The scene that predicts the data, before parameters are set.
-    blocks
-        Columns of the run, or the single measurements.
-    rate
-        Sampling rate of a run's file [Hz].
-    shows
-        Text with the length of a run and the number of periods of the slowest mode that it contains.
-    doubts
-        Warnings about a run's times.
-    margin
-        Time that the simulation of a run continues beyond the data, for unknown delays, clock and start [s].
-    at_rest
-        Function that predicts single measurements from a scene; None for a run.
-    response
-        The measured frequency response, if the blocks are its real and imaginary part.
-    rough
-        The same data in a form whose cost has fewer minima, for the first search; None if there is none.
-    """
-
+    # name, use: as in the problem
     name: str
     use: Use
-    scene: Scene
-    blocks: tuple[Block, ...]
-    rate: float = 0.0
-    shows: str = ""
-    doubts: tuple[Diagnostic, ...] = ()
+    scene: Scene  # the scene that predicts the data, before parameters are set
+    blocks: tuple[Block, ...]  # columns of the run, or the single measurements
+    rate: float = 0.0  # sampling rate of a run's file [Hz]
+    shows: str = ""  # text with the length of a run and the number of periods of the slowest mode that it contains
+    doubts: tuple[Diagnostic, ...] = ()  # warnings about a run's times
+    # time that the simulation of a run continues beyond the data, for unknown delays, clock and start [s]
     margin: float = 0.0
+    # function that predicts single measurements from a scene; None for a run
     at_rest: Callable[[Scene], list[Array]] | None = None
-    response: Response | None = None
+    response: Response | None = None  # the measured frequency response, if the blocks are its real and imaginary part
+    # the same data in a form whose cost has fewer minima, for the first search; None if there is none
     rough: Source | None = None
 
     @property

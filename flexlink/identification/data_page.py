@@ -34,28 +34,16 @@ Chapters = dict[str, tuple[str, str, Part]]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Shown:
-    """A measured column of a run with its prediction at the initial guess.
+    """A measured column of a run with its prediction at the initial guess."""
 
-    Attributes
-    ----------
-    source, block
-        The run and the column.
-    predicted
-        Prediction at the times of the samples, with optimal gain and bias if these are unknown, shape (n,).
-    gaps
-        First and last times of the gaps in the samples, shape (gaps, 2).
-    uneven
-        Times of samples that follow the one before at another interval than usual, without gaps.
-    outliers
-        Whether each sample is an outlier, shape (n,).
-    """
-
+    # source, block: the run and the column
     source: Source
     block: Block
+    # prediction at the times of the samples, with optimal gain and bias if these are unknown, shape (n,)
     predicted: Array
-    gaps: Array
-    uneven: Array
-    outliers: np.ndarray
+    gaps: Array  # first and last times of the gaps in the samples, shape (gaps, 2)
+    uneven: Array  # times of samples that follow the one before at another interval than usual, without gaps
+    outliers: np.ndarray  # whether each sample is an outlier, shape (n,)
 
     @property
     def t(self) -> Array:

@@ -34,25 +34,15 @@ With AR models from the same samples it is several times larger: with a level of
 
 
 class Fault(NamedTuple):
-    """A fault of one column, or of the times of a run.
+    """A fault of one column, or of the times of a run."""
 
-    Attributes
-    ----------
-    kind
-        delay, clock, start, bias, gain or drift.
-    run, column, unit
-        The run; its column, and unit of the column; "" for all columns.
-    effect
-        Derivative of all residuals with respect to the size of the fault, shape (samples of all blocks,).
-    size, deviation
-        Estimated size, and its standard deviation.
-    """
-
-    kind: str
+    kind: str  # delay, clock, start, bias, gain or drift
+    # run, column, unit: the run; its column, and unit of the column; "" for all columns
     run: str
     column: str
     unit: str
-    effect: Array
+    effect: Array  # derivative of all residuals with respect to the size of the fault, shape (samples of all blocks,)
+    # size, deviation: estimated size, and its standard deviation
     size: float = 0.0
     deviation: float = 0.0
 

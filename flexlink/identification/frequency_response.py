@@ -40,26 +40,13 @@ LEAST = 1e-3
 
 
 class Response(NamedTuple):
-    """A measured frequency response in SI units.
+    """A measured frequency response in SI units."""
 
-    Attributes
-    ----------
-    f
-        Frequencies [Hz], shape (k,).
-    H
-        Response, shape (k,).
-    σ
-        Standard deviation of its real and of its imaginary part, shape (k,).
-    coherence
-        Coherence γ², shape (k,); nan where it is not given.
-    input, output
-        Names of the input and of the output, with SI units.
-    """
-
-    f: Array
-    H: Complex
-    σ: Array
-    coherence: Array
+    f: Array  # frequencies [Hz], shape (k,)
+    H: Complex  # response, shape (k,)
+    σ: Array  # standard deviation of its real and of its imaginary part, shape (k,)
+    coherence: Array  # coherence γ², shape (k,); nan where it is not given
+    # input, output: names of the input and of the output, with SI units
     input: str
     output: str
 

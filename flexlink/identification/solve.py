@@ -22,21 +22,11 @@ ROUNDS = 2
 
 
 class Found(NamedTuple):
-    """Solution of a search.
+    """Solution of a search."""
 
-    Attributes
-    ----------
-    x
-        Coordinates of the solution.
-    cost
-        Half the sum of squares, with the noise assumed at the start.
-    blocks
-        Blocks of every source, with the final estimate of the noise.
-    """
-
-    x: Array
-    cost: float
-    blocks: list[list[Block]]
+    x: Array  # coordinates of the solution
+    cost: float  # half the sum of squares, with the noise assumed at the start
+    blocks: list[list[Block]]  # blocks of every source, with the final estimate of the noise
 
 
 class Search:

@@ -57,21 +57,12 @@ ENOUGH = 0.25
 
 
 class GridError(NamedTuple):
-    """Change of all parameters between the model of a fit and the refined model.
+    """Change of all parameters between the model of a fit and the refined model."""
 
-    Attributes
-    ----------
-    change
-        Change of every search coordinate, then of every gain and bias; empty if it is unknown, or is not estimated.
-    doubt
-        Why the change is unknown; None if it is known.
-    refined
-        Search on the refined model, and its solution; None if there is none.
-    """
-
+    # change of every search coordinate, then of every gain and bias; empty if it is unknown, or is not estimated
     change: Array
-    doubt: Diagnostic | None = None
-    refined: tuple[Search, Found] | None = None
+    doubt: Diagnostic | None = None  # why the change is unknown; None if it is known
+    refined: tuple[Search, Found] | None = None  # search on the refined model, and its solution; None if there is none
 
     @property
     def errors(self) -> Array:
@@ -168,20 +159,12 @@ VERSIONS = 6
 
 
 class InputError(NamedTuple):
-    """Changes of all coordinates by other versions of the recorded motions.
+    """Changes of all coordinates by other versions of the recorded motions."""
 
-    Attributes
-    ----------
-    changes
-        One row per version: those with added noise, divided by √VERSIONS, then those of the cutoff; shape (rows, p).
-    motions
-        Texts of the recorded motions, with their cutoffs.
-    doubts
-        Cutoffs far above that by cross-validation; and why the changes are unknown, if they are.
-    """
-
+    # one row per version: those with added noise, divided by √VERSIONS, then those of the cutoff; shape (rows, p)
     changes: Array
-    motions: tuple[str, ...] = ()
+    motions: tuple[str, ...] = ()  # texts of the recorded motions, with their cutoffs
+    # cutoffs far above that by cross-validation; and why the changes are unknown, if they are
     doubts: tuple[Diagnostic, ...] = ()
 
     @property

@@ -25,27 +25,13 @@ from flexlink.pages.tables import columns_csv
 
 @dataclasses.dataclass(frozen=True)
 class Picture:
-    """A figure of a report.
+    """A figure of a report."""
 
-    Attributes
-    ----------
-    name
-        Name of the files of the figure, without extension.
-    title
-        Short description; also the text for screen readers.
-    figure
-        The matplotlib figure.
-    caption
-        Explanation of the figure.
-    csv
-        Data of the figure.
-    """
-
-    name: str
-    title: str
-    figure: Figure
-    caption: str
-    csv: str
+    name: str  # name of the files of the figure, without extension
+    title: str  # short description; also the text for screen readers
+    figure: Figure  # the matplotlib figure
+    caption: str  # explanation of the figure
+    csv: str  # data of the figure
 
     def save_png(self, path: Path) -> None:
         """Write a PNG with 160 dots per inch."""
