@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -78,7 +77,8 @@ class Bench:
         self.values = {
             (one.run, one.path): one.value(float(at)) for one, at in zip(coordinates, x, strict=True) if not one.timing
         }
-        self.scene = problem.scene.varied({path: value for (run, path), value in self.values.items() if not run})
+        self.common = {path: value for (run, path), value in self.values.items() if not run}
+        self.scene = problem.scene.varied(self.common)
         self.skipped: list[Diagnostic] = []
         known = {source.name: source for source in sources if source.is_run}
         self.runs: list[tuple[FitRun, Source | None]]
@@ -91,20 +91,18 @@ class Bench:
             yield from self._priors(prior)
         for static in experiments.static:
             for axis in range(3):
-                yield from self._tried(static.name, partial(self._static, static, axis))
+                yield from self._tried(static.name, self._static, static, axis)
         for modes in experiments.modes:
-            yield from self._tried(modes.name, partial(self._modes, modes))
+            yield from self._tried(modes.name, self._modes, modes)
         for run, source in self.runs:
-            of_columns = partial(self._of_columns, experiments.column, run, source)
-            yield from self._tried(f"columns of {run.name!r}", of_columns)
-            if source is not None:
-                for motion in experiments.motion:
-                    for link in self._links(motion):
-                        yield from self._tried(motion.name, partial(self._motion, motion, run, source, link))
+            yield from self._tried(f"columns of {run.name!r}", self._of_columns, experiments.column, run, source)
+            for motion in experiments.motion if source is not None else ():
+                for link in self._links(motion):
+                    yield from self._tried(motion.name, self._motion, motion, run, source, link)
 
-    def _tried(self, name: str, make: Callable[[], list[Candidate]]) -> list[Candidate]:
+    def _tried(self, name: str, make: Callable[..., Iterator[Candidate]], *arguments: object) -> list[Candidate]:
         try:
-            return make()
+            return [*make(*arguments)]
         except FlexlinkError as error:
             self.skip(name, error)
             return []
@@ -113,8 +111,7 @@ class Bench:
         """Note an experiment that is left out."""
         self.skipped.append(Diagnostic(f"{name}: {reason}", "experiment-left-out"))
 
-    def _priors(self, experiment: PriorExperiment) -> list[Candidate]:
-        found = []
+    def _priors(self, experiment: PriorExperiment) -> Iterator[Candidate]:
         for one in self.problem.parameter:
             if one.prior is not None or not re.fullmatch(experiment.paths, one.path):
                 continue
@@ -124,19 +121,17 @@ class Bench:
                 continue
             title = f"{experiment.name}: {one.path} ± {deviation:.2g} (standard deviation)"
             addition = replace(one, prior=(rounded(value), rounded(deviation)))
-            found.append(Candidate(experiment.name, title, experiment.reason, addition))
-        return found
+            yield Candidate(experiment.name, title, experiment.reason, addition)
 
-    def _static(self, experiment: StaticExperiment, axis: int) -> list[Candidate]:
+    def _static(self, experiment: StaticExperiment, axis: int) -> Iterator[Candidate]:
         """The heaviest weight that moves the tip by no more than allowed."""
-        before = self.scene.wrench.force
-        if self.scene.wrench.varies or self.scene.arm.base.free:
-            cause = "the base is free" if self.scene.arm.base.free else "the wrench is not constant in frame 0"
+        scene, before = self.scene, self.scene.wrench.force
+        if scene.wrench.varies or scene.arm.base.free:
+            cause = "the base is free" if scene.arm.base.free else "the wrench is not constant in frame 0"
             raise ArgumentError(cause, id="no-effect")
-        largest = experiment.largest * lump(self.scene).reach
-        down = self.scene.gravity[axis] < 0 and abs(self.scene.gravity[axis]) > 0.5 * math.hypot(*self.scene.gravity)
-        found: list[Candidate] = []
-        what = f"tip {'xyz'[axis]} [m]"
+        largest = experiment.largest * lump(scene).reach
+        down = scene.gravity[axis] < 0 and abs(scene.gravity[axis]) > 0.5 * math.hypot(*scene.gravity)
+        found, what = None, f"tip {'xyz'[axis]} [m]"
         for mass in sorted(experiment.kilograms):
             force = [*before]
             force[axis] += (-1 if down else 1) * scipy.constants.g * mass
@@ -148,7 +143,7 @@ class Bench:
             try:
                 value = self._predicted(sagged(self.problem, addition, 0))[0][0]
             except FlexlinkError:  # the arm buckles or sags too far for a static solution
-                if not found:
+                if found is None:
                     raise
                 break
             if abs(value) > largest:
@@ -156,12 +151,12 @@ class Bench:
             if abs(value) > experiment.deviation:
                 title = f"static: {what} under {mass:g} kg along {addition.axis} (noise {experiment.deviation:g} m)"
                 addition = replace(addition, value=rounded(value))
-                found = [Candidate(experiment.name, title, experiment.reason, addition)]
-        if not found:
+                found = Candidate(experiment.name, title, experiment.reason, addition)
+        if found is None:
             raise ArgumentError(f"{what}: no weight moves the tip within the allowed range", id="no-effect")
-        return found
+        yield found
 
-    def _modes(self, experiment: ModesExperiment) -> list[Candidate]:
+    def _modes(self, experiment: ModesExperiment) -> Iterator[Candidate]:
         added, on = self._mass(experiment.kilograms, {})
         for count in range(experiment.count, 0, -1):
             addition = FitModes(
@@ -170,11 +165,10 @@ class Bench:
             )  # fmt: skip
             try:
                 hertz, *ratios = self._predicted(tapped(self.problem, addition, 0))
+                break
             except ArgumentError as error:
                 if error.id != "unknown-mode" or count == 1:
                     raise
-                continue
-            break
         deviations = tuple(rounded(experiment.share * f) for f in hertz)
         addition = replace(addition, hertz=tuple(map(rounded, hertz)), deviation=deviations)
         if ratios and experiment.ratio_share:
@@ -186,20 +180,18 @@ class Bench:
         title = f"{experiment.name}{on}: {listed} Hz ± {100 * experiment.share:.2g} %"
         if addition.ratios:
             title += f", damping ratio ± {100 * (experiment.ratio_share or 0.0):.2g} %"
-        return [Candidate(experiment.name, title, experiment.reason, addition)]
+        yield Candidate(experiment.name, title, experiment.reason, addition)
 
     def _of_columns(
         self, experiments: Sequence[ColumnExperiment], run: FitRun, source: Source | None
-    ) -> list[Candidate]:
+    ) -> Iterator[Candidate]:
         """One candidate for each column or sensor, recorded in a repeat of a run; one simulation predicts all."""
-        scene = self.problem.scene.varied(run.set) if run.set else self.problem.scene
-        sensors: list[Sensor] = []
+        scene, sensors = self.problem.scene.varied(run.set) if run.set else self.problem.scene, list[Sensor]()
         own = {one.name: sensors_on(one, scene, sensors) for one in experiments if one.sensor}
         t = self._times(source, 1.0)
         columns = self._recorded(run, {"sensor": (*scene.sensor, *sensors)} if sensors else {}, t)
         measured = {block.name for block in source.blocks} if source is not None else set()
         new = {name for one in sensors for name in column_names((one,), scene.arm)}
-        found = []
         for one in experiments:
             if one.sensor and not own[one.name]:
                 self.skip(one.name, f"no link of {run.name!r} takes this sensor")
@@ -208,22 +200,20 @@ class Bench:
             for sensor, names in [*of_sensors, *((None, (name,)) for name in others)]:
                 if not measured & {*names}:
                     changes = {} if sensor is None else {"sensor": (*scene.sensor, sensor)}
-                    found += self._column(one, run, sensor, changes, t, {name: columns[name] for name in names})
-        return found
+                    yield from self._column(one, run, sensor, changes, t, {name: columns[name] for name in names})
 
     def _column(
         self, experiment: ColumnExperiment, run: FitRun, sensor: Sensor | None, changes: Mapping[str, Any], t: Array,
         columns: Mapping[str, Array],
-    ) -> list[Candidate]:  # fmt: skip
+    ) -> Iterator[Candidate]:  # fmt: skip
         largest = max(float(np.abs(column).max()) for column in columns.values())
         noise = rounded(experiment.noise or (experiment.share or 0.0) * largest)
         names = tuple(name for name, column in columns.items() if np.ptp(column) > noise > 0)  # others show noise only
         what = sensor.name if sensor is not None else next(iter(columns))
         if not names:
             self.skip(f"{what} in {run.name!r}", "it does not change by more than its noise")
-            return []
-        unit = unit_in(names[0])
-        head = "" if sensor is not None else heads_of(run).get(names[0], "")
+            return
+        unit, head = unit_in(names[0]), "" if sensor is not None else heads_of(run).get(names[0], "")
         where = "a run of the scene"
         if run in self.problem.run:
             where = f"run {run.name!r}, where it is already recorded" if head else f"a repeat of run {run.name!r}"
@@ -233,7 +223,7 @@ class Bench:
         )  # fmt: skip
         title = f"add {what} in {where} (noise {noise:.2g}{f' {unit}' if unit != '1' else ''})"
         again = replace(addition, columns={}, file=run.file, compare=(head,), start=run.start) if head else None
-        return [Candidate(experiment.name, title, experiment.reason, addition, run.name, again)]
+        yield Candidate(experiment.name, title, experiment.reason, addition, run.name, again)
 
     def _measurable(self, name: str, pattern: str) -> bool:
         """Whether a column matches, and is not the angle of a hinge of a beam."""
@@ -249,7 +239,7 @@ class Bench:
             return [""]
         return [link.name for link in self.scene.arm.links if not link.joint.locked]
 
-    def _motion(self, experiment: MotionExperiment, run: FitRun, source: Source, link: str) -> list[Candidate]:
+    def _motion(self, experiment: MotionExperiment, run: FitRun, source: Source, link: str) -> Iterator[Candidate]:
         added, on = self._mass(experiment.kilograms, run.set)
         changes = changes_of(experiment, self.problem.scene.varied(run.set), link) | added
         self._refuse_sought(changes)
@@ -264,7 +254,7 @@ class Bench:
         unknown["delay"] = tuple(head for head in run.delay if head_of(head)[0] in {head_of(name)[0] for name in noise})
         addition = self._run(run, f"{run.name}, {experiment.name}{where}", changes, t, columns, noise, **unknown)
         title = f"run {run.name!r} again, {experiment.name}{on}{where} (noise as in that run)"
-        return [Candidate(experiment.name, title, experiment.reason, addition)]
+        yield Candidate(experiment.name, title, experiment.reason, addition)
 
     def _run(
         self, run: FitRun, name: str, changes: Mapping[str, Any], t: Array, columns: Mapping[str, Array],
@@ -300,8 +290,7 @@ class Bench:
 
     def _predicted(self, source: Source) -> list[Array]:
         assert source.at_rest is not None
-        at = {path: value for (run, path), value in self.values.items() if not run}
-        return source.at_rest(source.scene.varied(at))
+        return source.at_rest(source.scene.varied(self.common))
 
     def _mass(self, kilograms: Sequence[float], already: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
         """Change that clamps a known mass to the end of the last link, and its text."""

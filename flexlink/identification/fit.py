@@ -185,7 +185,7 @@ def _fit(
     found_warnings = at_start + warnings(numbers, coordinates, after, found, columns, [*sources, *checks])
     found_warnings += errors.warnings(problem.scene, numbers)
     if not warnings_of_inputs(numbers, errors.inputs):  # an error of the input resembles faults of the instruments
-        found_warnings += warnings_of_faults(*(errors.grid.refined or (search, best)))
+        found_warnings += warnings_of_faults(*(errors.refined or (search, best)))
     covariance = covariance_of(coordinates, best.x, spread.covariance, errors.shifts)
     return Fitted(
         problem, problem.scene.varied(changes), numbers, spread.correlation, after, columns,

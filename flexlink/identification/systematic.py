@@ -56,18 +56,17 @@ ENOUGH = 0.25
 """Grid error at which the number of segments is sufficient, relative to half the 95 % interval."""
 
 
-class GridError(NamedTuple):
-    """Change of all parameters between the model of a fit and the refined model."""
+class Shifts(NamedTuple):
+    """Changes of the parameters by the parts of an error, which are independent of each other."""
 
-    # change of every search coordinate, then of every gain and bias; empty if it is unknown, or is not estimated
-    change: Array
-    doubt: Diagnostic | None = None  # why the change is unknown; None if it is known
-    refined: tuple[Search, Found] | None = None  # search on the refined model, and its solution; None if there is none
+    changes: Array = np.zeros((0, 0))  # of the search coordinates, then of gains, biases and drifts, shape (parts, p)
+    doubts: tuple[Diagnostic, ...] = ()  # why they are unknown, or likely large
+    motions: tuple[str, ...] = ()  # texts of the recorded motions that cause them, with their cutoffs
 
     @property
     def errors(self) -> Array:
-        """Error u of every parameter due to the grid."""
-        return RICHARDSON * np.abs(self.change)
+        """Error of every parameter, shape (p,); empty if it is unknown."""
+        return np.asarray(np.sqrt((self.changes**2).sum(axis=0)))
 
 
 def refined_sources(sources: Sequence[Source], tolerance: float) -> list[Source]:
@@ -80,18 +79,28 @@ def _refined(scene: Scene, tolerance: float) -> Scene:
     return finer if finer.run.controlled else finer.varied({"run.relative_tolerance": tolerance})
 
 
-def grid_error(search: Search, best: Found, at: Likelihood, tolerance: float) -> GridError:
-    """Fit the refined model, from the solution of the model, with its likelihood and noise."""
+def grid_error(
+    search: Search, best: Found, at: Likelihood, tolerance: float
+) -> tuple[Shifts, tuple[Search, Found] | None]:
+    """Fit the refined model, from the solution of the model, with its likelihood and noise; with that fit.
+
+    Inner gyroscopes are further parts of this error, before the last one.
+    """
     try:
         signals = Signals(refined_sources(search.signals.sources, tolerance), search.coordinates)
         finer = Search(signals, search.loss, coloured=search.coloured, watch=search.watch)
         signals.model(best.x)
         x = finer.least(best.x, best.blocks, rough=True)
-        after = likelihood(signals, x, best.blocks)
+        change = RICHARDSON * np.append(x - best.x, likelihood(signals, x, best.blocks).linear - at.linear)
     except FlexlinkError as error:
-        return GridError(np.empty(0), _unknown(error))
-    change = np.append(x - best.x, after.linear - at.linear)
-    return GridError(change, None, (finer, Found(x, best.cost, best.blocks)))
+        return Shifts(doubts=(_unknown(error),)), None
+    fitted = finer, Found(x, best.cost, best.blocks)
+    try:
+        inner = errors_of_inner_gyroscopes(search, best)
+    except FlexlinkError as error:
+        unknown = Diagnostic(f"grid error of gyroscopes not estimated: {error}", "grid-error-unknown")
+        return Shifts(change[None], (unknown,)), fitted
+    return Shifts(np.array([*(np.pad(one, (0, len(change) - len(one))) for one in inner), change])), fitted
 
 
 def bends(scene: Scene) -> bool:
@@ -109,15 +118,13 @@ def factor_needed(errors: Array, halves: Array) -> float:
     return float(np.clip(worst**0.25, 1.5, 8.0)) if worst > 1 else 1.0
 
 
-def warnings_of_grid(scene: Scene, numbers: Sequence[Estimate], grid: GridError) -> list[Diagnostic]:
+def warnings_of_grid(scene: Scene, numbers: Sequence[Estimate], grid: Shifts) -> list[Diagnostic]:
     """Warnings about grid errors that exceed half of an interval, or that are unknown."""
-    if grid.doubt is not None:
-        return [grid.doubt]
-    large = [one for one in numbers if one.u_num > one.statistical]
-    if not large:
-        return []
+    large = [one.shifted(one.u_num) for one in numbers if one.u_num > one.statistical]
+    if grid.doubts or not large:
+        return [*grid.doubts]
     factor = factor_needed(*np.array([(one.u_num, one.statistical) for one in numbers]).T)
-    return [_warning(scene, [one.shifted(one.u_num) for one in large], factor)]
+    return [_warning(scene, large, factor)]
 
 
 def grid_ahead(at: Likelihood, check: Check, tolerance: float) -> tuple[Array, tuple[Diagnostic, ...]]:
@@ -158,45 +165,30 @@ VERSIONS = 6
 """Number of versions of the recorded angles with added noise."""
 
 
-class InputError(NamedTuple):
-    """Changes of all coordinates by other versions of the recorded motions."""
-
-    # one row per version: those with added noise, divided by √VERSIONS, then those of the cutoff; shape (rows, p)
-    changes: Array
-    motions: tuple[str, ...] = ()  # texts of the recorded motions, with their cutoffs
-    # cutoffs far above that by cross-validation; and why the changes are unknown, if they are
-    doubts: tuple[Diagnostic, ...] = ()
-
-    @property
-    def errors(self) -> Array:
-        """Error of every coordinate."""
-        return np.asarray(np.sqrt((self.changes**2).sum(axis=0)))
-
-
-def input_error(search: Search, best: Found, problem: FitProblem) -> InputError:
-    """Errors due to recorded motions in the runs of a fit."""
+def input_error(search: Search, best: Found, problem: FitProblem) -> Shifts:
+    """Errors due to recorded motions: by versions with added noise, divided by √VERSIONS, then by the cutoff."""
     runs = {run.name: run for run in problem.run if run.use == "fit" and _filtered(run)}
-    none = np.zeros((0, len(best.x)))
     if not runs:
-        return InputError(none)
-    motions = [motion for run in runs.values() for motion in _filtered(run)]
-    words = tuple(_in_words(problem.scene, motion) for motion in motions)
-    doubts = tuple(doubt for motion in motions for doubt in _too_high(problem.scene, motion))
+        return Shifts()
+    described = [_described(problem.scene, motion) for run in runs.values() for motion in _filtered(run)]
+    words = tuple(text for text, _ in described)
+    doubts = tuple(doubt for _, doubt in described if doubt is not None)
+    rng = np.random.default_rng(0)
+
+    def change(by: float, rng: np.random.Generator | None) -> Array:
+        return gauss_newton(search, best, _sources(search, problem, runs, by, rng)) - before
+
     try:
         before = gauss_newton(search, best, search.signals.sources)
-        rng = np.random.default_rng(0)
-        noisy = [
-            gauss_newton(search, best, _sources(search, problem, runs, 1.0, rng)) - before for _ in range(VERSIONS)
-        ]
-        others = [gauss_newton(search, best, _sources(search, problem, runs, by, None)) - before for by in (0.5, 2.0)]
+        noisy = np.array([change(1.0, rng) for _ in range(VERSIONS)]) / np.sqrt(VERSIONS)
+        least = np.min(np.abs([change(by, None) for by in (0.5, 2.0)]), axis=0)
     except FlexlinkError as error:
         text = f"input error not estimated: with other versions of {words[0]}, {error}"
-        return InputError(none, words, (*doubts, Diagnostic(text, "input-error-unknown")))
-    least = np.min(np.abs(others), axis=0)
-    return InputError(np.vstack([np.array(noisy) / np.sqrt(VERSIONS), least]), words, doubts)
+        return Shifts(doubts=(*doubts, Diagnostic(text, "input-error-unknown")), motions=words)
+    return Shifts(np.vstack([noisy, least]), doubts, words)
 
 
-def warnings_of_inputs(numbers: Sequence[Estimate], found: InputError) -> list[Diagnostic]:
+def warnings_of_inputs(numbers: Sequence[Estimate], found: Shifts) -> list[Diagnostic]:
     """Warnings about recorded motions whose error exceeds half of an interval, or is unknown."""
     shifts = [one.shifted(one.u_input) for one in numbers if one.u_input > one.statistical]
     if not shifts:
@@ -206,16 +198,19 @@ def warnings_of_inputs(numbers: Sequence[Estimate], found: InputError) -> list[D
     return [*found.doubts, Diagnostic(f"{text}; {remedy}", "input-error")]
 
 
-def _too_high(scene: Scene, motion: PrescribedMotion) -> list[Diagnostic]:
-    """Warning about a cutoff far above that by cross-validation, which lets noise of the accelerations pass."""
+def _described(scene: Scene, motion: PrescribedMotion) -> tuple[str, Diagnostic | None]:
+    """The motion and its cutoff, with the one that cross-validation would choose; and a doubt about one far above it.
+
+    It lets noise of the accelerations pass.
+    """
     above = 2.5  # ratio of the cutoffs from which to warn; accelerations are then about ten times less accurate
-    if isinstance(motion.cutoff, str) or motion.cutoff is None:
-        return []
-    best = best_cutoff(*recorded_positions(motion, link_of(scene, motion)))
-    if motion.cutoff <= above * best:
-        return []
-    text = f"{_in_words(scene, motion)}: the filter lets noise pass; set cutoff = 'auto'"
-    return [Diagnostic(text, "input-cutoff")]
+    link, cutoff = link_of(scene, motion), motion.cutoff
+    best = best_cutoff(*recorded_positions(motion, link))
+    given = f"cutoff = {cutoff!r}" if isinstance(cutoff, str) else f"cutoff {cutoff:g} Hz"
+    text = f"the recorded motion of {link.name} ({given}; by cross-validation {best:g} Hz)"
+    if isinstance(cutoff, str) or cutoff is None or cutoff <= above * best:
+        return text, None
+    return text, Diagnostic(f"{text}: the filter lets noise pass; set cutoff = 'auto'", "input-cutoff")
 
 
 def _filtered(run: FitRun) -> list[PrescribedMotion]:
@@ -271,14 +266,6 @@ def link_of(scene: Scene, motion: PrescribedMotion | Sensor) -> Link:
     return scene.arm.links[scene.arm.number(motion.link) - 1]
 
 
-def _in_words(scene: Scene, motion: PrescribedMotion) -> str:
-    """The motion and its cutoff, with the one that cross-validation would choose."""
-    link = link_of(scene, motion)
-    best = best_cutoff(*recorded_positions(motion, link))
-    given = f"cutoff = {motion.cutoff!r}" if isinstance(motion.cutoff, str) else f"cutoff {motion.cutoff:g} Hz"
-    return f"the recorded motion of {link.name} ({given}; by cross-validation {best:g} Hz)"
-
-
 def gauss_newton(search: Search, best: Found, sources: Sequence[Source]) -> Array:
     """Gauss-Newton step from the solution with these sources, shape (coordinates,)."""
     at = Search(Signals(sources, search.coordinates), search.loss).at(best.x, best.blocks)
@@ -289,34 +276,23 @@ def gauss_newton(search: Search, best: Found, sources: Sequence[Source]) -> Arra
 
 
 class Systematic(NamedTuple):
-    """Grid error, and error of recorded motions.
+    """Grid error, and error of recorded motions."""
 
-    The grid error has a second part: changes of the coordinates by inner gyroscopes.
-    """
-
-    grid: GridError = GridError(np.empty(0))
-    inputs: InputError = InputError(np.zeros((0, 0)))
-    gyroscopes: tuple[Array, ...] = ()
+    grid: Shifts = Shifts()
+    inputs: Shifts = Shifts()
+    refined: tuple[Search, Found] | None = None  # search on the refined model, and its solution; None if there is none
 
     def added(
         self, numbers: Sequence[Estimate], coordinates: Sequence[Coordinate], x: Array, wide: float
     ) -> tuple[Estimate, ...]:
         """The estimates, with these errors in their intervals; `wide` is the half-width of one over its deviation."""
-        found = with_error(numbers, coordinates, x, self.u_num, wide, "u_num")
-        if len(self.inputs.changes):
-            found = with_error(found, coordinates, x, self.inputs.errors, wide, "u_input")
-        return found
-
-    @property
-    def u_num(self) -> Array:
-        """Error of the coordinates, gains, biases and drifts by the number of segments."""
-        errors = self.grid.errors
-        return np.sqrt(errors**2 + sum(np.pad(one, (0, len(errors) - len(one))) ** 2 for one in self.gyroscopes))
+        found = with_error(numbers, coordinates, x, self.grid.errors, wide, "u_num")
+        return with_error(found, coordinates, x, self.inputs.errors, wide, "u_input")
 
     @property
     def shifts(self) -> list[Array]:
         """Changes of the search coordinates, whose outer products add to their covariance."""
-        return [RICHARDSON * self.grid.change, *self.gyroscopes, *self.inputs.changes]
+        return [*self.grid.changes[-1:], *self.grid.changes[:-1], *self.inputs.changes]
 
     def warnings(self, scene: Scene, numbers: Sequence[Estimate]) -> tuple[Diagnostic, ...]:
         """Warnings about errors that exceed half of an interval, or that are unknown."""
@@ -327,16 +303,11 @@ def systematic_errors(
     search: Search, best: Found, at: Likelihood, problem: FitProblem, grid: Grid, report: Callable[[str], None]
 ) -> Systematic:
     """Errors at a solution with this likelihood."""
-    coarse, gyroscopes = GridError(np.empty(0)), list[Array]()
+    of_grid, fitted = Shifts(), None
     if grid != "ignore" and bends(problem.scene):
         report("grid error: fitting a model with twice the hinges")
-        coarse = grid_error(search, best, at, problem.tolerance)
-        try:
-            gyroscopes = errors_of_inner_gyroscopes(search, best) if coarse.doubt is None else []
-        except FlexlinkError as error:
-            unknown = Diagnostic(f"grid error of gyroscopes not estimated: {error}", "grid-error-unknown")
-            coarse = coarse._replace(doubt=unknown)
-    return Systematic(coarse, input_error(search, best, problem), tuple(gyroscopes))
+        of_grid, fitted = grid_error(search, best, at, problem.tolerance)
+    return Systematic(of_grid, input_error(search, best, problem), fitted)
 
 
 def with_error(
@@ -382,7 +353,7 @@ def errors_of_inner_gyroscopes(search: Search, best: Found) -> list[Array]:
     Twice the hinges may leave this share of a segment's length as it is, so that refinement alone does not show it.
     """
     sources, found = search.signals.sources, []
-    names = {name for source in sources for sensor in _inner(source) for name in [sensor.name]}
+    names = {sensor.name for source in sources for sensor in _inner(source)}
     before = gauss_newton(search, best, sources) if names else np.zeros(len(best.x))
     for name in sorted(names):
         moved, share = list(sources), 0.0

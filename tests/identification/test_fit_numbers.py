@@ -159,7 +159,7 @@ class TestCoverage:
         """The variance of noise with ρ_k = a^|k| is as uncertain as for n (1 − a²)/(1 + a²) independent samples."""
         e, J = noise(np.random.default_rng(2), 200, (1.0, -0.9)), np.ones((200, 1))
         found = spread_of([([e], [J], True)], np.zeros((0, 1)))
-        (a,) = found.colours[0][0].a[1:]
+        (a,) = colour_of(e).a[1:]
         assert found.wide == pytest.approx(student.ppf(0.975, 200 * (1 - a**2) / (1 + a**2) - 1), rel=1e-6)
 
     def test_noise_coefficients_widen_intervals_by_the_final_prediction_error(self) -> None:
@@ -353,7 +353,7 @@ class TestEstimates:
             Coordinate("young", "", 2e11, True, 1.0, (1e9, 1e13), None, "Pa"),
             Coordinate("angle", "", 0.0, False, 5.0, (-20.0, 10.0), None, "deg"),
         ]
-        spread = Spread(np.diag([0.01**2, 0.02**2]), 2.0, [])
+        spread = Spread(np.diag([0.01**2, 0.02**2]), 2.0)
         young, angle = estimates(Likelihood(sought, np.array([math.log(1.9e11), 2.0]), [], []), spread)
         assert young.value == pytest.approx(1.9e11)
         assert young.deviation == pytest.approx(1.9e9)
@@ -367,7 +367,7 @@ class TestEstimates:
         row = row_of(one.blocks[0], np.array([0.0, 1.0, 2.0]))
         mass = coordinate_of(SCENE, fl.fits.FitParameter(path=MASS))
         at = Likelihood([mass], np.zeros(1), [one], [[row]])
-        _, *found = estimates(at, Spread(np.diag([9.0, 0.04, 0.01]), 2.0, []))
+        _, *found = estimates(at, Spread(np.diag([9.0, 0.04, 0.01]), 2.0))
         slope, zero = np.polyfit([0.0, 1.0, 2.0], one.blocks[0].y, 1)
         expected = [(1.0, slope, slope - 0.4, slope + 0.4, 0.2), (0.0, zero, zero - 0.2, zero + 0.2, 0.1)]
         for each, values in zip(found, expected, strict=True):
