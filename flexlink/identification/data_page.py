@@ -43,7 +43,7 @@ class Shown:
     predicted: Array
     gaps: Array  # first and last times of the gaps in the samples, shape (gaps, 2)
     uneven: Array  # times of samples that follow the one before at another interval than usual, without gaps
-    outliers: np.ndarray  # whether each sample is an outlier, shape (n,)
+    outliers: np.ndarray  # numbers of the samples that are outliers
 
     @property
     def t(self) -> Array:
@@ -91,7 +91,8 @@ def _shown(source: Source, row: Row) -> Shown:
     wide = between > (1 + GAP) * usual
     other = ~wide & (np.abs(between - usual) > UNEVEN * usual)
     gaps = np.column_stack([t[:-1][wide], t[1:][wide]])
-    return Shown(source, block, predicted, gaps, t[1:][other], outliers_in(t, block.y, predicted))
+    outliers = np.flatnonzero(outliers_in(t, block.y, predicted))
+    return Shown(source, block, predicted, gaps, t[1:][other], outliers)
 
 
 def _data(shown: Sequence[Shown], single: Sequence[tuple[Source, list[Row]]]) -> Part:
@@ -99,7 +100,7 @@ def _data(shown: Sequence[Shown], single: Sequence[tuple[Source, list[Row]]]) ->
              "noise from", "RMS residual at the initial guess")  # fmt: skip
     lines = tuple(
         (one.source.name, one.block.name, one.source.use, len(one.t), 1 / float(np.median(np.diff(one.t))),
-         len(one.gaps), len(one.uneven), int(one.outliers.sum()), *_noise(one.block),
+         len(one.gaps), len(one.uneven), len(one.outliers), *_noise(one.block),
          float(np.sqrt(np.mean((one.predicted - one.block.y) ** 2))))
         for one in shown
     )  # fmt: skip
@@ -118,9 +119,7 @@ def _in_words(shown: Sequence[Shown]) -> tuple[str, ...]:
     kinds = {"gap": "gaps", "uneven interval": "uneven", "outlier": "outliers"}
     found = []
     for kind, name in kinds.items():
-        counts = [(one.title, int(np.count_nonzero(getattr(one, name)) if name == "outliers" else
-                                  len(getattr(one, name)))) for one in shown]  # fmt: skip
-        several = [f"{title} ({count})" for title, count in counts if count]
+        several = [f"{one.title} ({len(getattr(one, name))})" for one in shown if len(getattr(one, name))]
         found.append(f"{kind.capitalize()}s: {', '.join(several)}." if several else f"No {kind}s.")
     marks = (
         "Pale areas are gaps, orange ticks below are samples at uneven intervals, and circles are outliers: they are "
@@ -180,7 +179,7 @@ def _picture(name: str, title: str, caption: str, shown: Sequence[Shown], *, res
         panel.set_title(f"{one.source.name} ({one.source.use})", loc="left")
         columns[f"t [s] of {one.block.name}"] = one.t
         columns |= {f"{label} {one.block.name}": y for label, y in values.items()}
-        columns[f"outlier in {one.block.name}"] = one.outliers.astype(float)
+        columns[f"outlier in {one.block.name}"] = np.isin(np.arange(len(one.t)), one.outliers).astype(float)
     return picture_of(name, f"{title}, {shown[0].source.name}", caption, axes, "time [s]", columns)
 
 
@@ -206,7 +205,7 @@ def _mark(panel: Axes, one: Shown, y: Array) -> None:
     if len(one.uneven):
         low = np.zeros(len(one.uneven))
         panel.plot(one.uneven, low, "|", color=ORANGE, markersize=7, transform=panel.get_xaxis_transform())
-    if one.outliers.any():
+    if len(one.outliers):
         panel.plot(one.t[one.outliers], y[one.outliers], "o", color=VERMILION, markerfacecolor="none", label="outlier")
 
 

@@ -160,7 +160,7 @@ class Plan:
 
     def member(self, number: int) -> tuple[Scene, str]:
         """Scene and engine of a member."""
-        changes = {**self._fixed, **self.values(number)}
+        changes = {**self._start[1], **self.values(number)}
         engine = changes.pop("engine", "native")
         if engine not in ENGINES:
             allowed = ", ".join(ENGINES) + did_you_mean(engine, ENGINES)
@@ -169,11 +169,8 @@ class Plan:
 
     @functools.cached_property
     def _variants(self) -> Variants:
-        return Variants(self._start[0], [path for path in (*self._fixed, *self.sweep.keys) if path != "engine"])
-
-    @property
-    def _fixed(self) -> dict[str, Any]:
-        return self._start[1]
+        scene, fixed = self._start
+        return Variants(scene, [path for path in (*fixed, *self.sweep.keys) if path != "engine"])
 
     @functools.cached_property
     def _start(self) -> tuple[Scene, dict[str, Any]]:
@@ -200,10 +197,9 @@ class Plan:
         """Engines of the members."""
         sweep = self.sweep
         sampled = sweep.sample.keys if sweep.sample else {}
-        lists = [
-            table["engine"] for table in (sweep.grid, sweep.together, sampled) if isinstance(table.get("engine"), list)
-        ]
-        return {str(name) for names in [*lists, [sweep.set.get("engine", "native")]] for name in names}
+        lists = [table.get("engine") for table in (sweep.grid, sweep.together, sampled)]
+        lists += [[sweep.set.get("engine", "native")]]
+        return {str(name) for names in lists if isinstance(names, list) for name in names}
 
     def check_paths(self) -> None:
         """Check that every key is a path of the scene; values are checked member by member."""

@@ -88,13 +88,8 @@ def goes_side_by_side(plan: Plan, number: int) -> bool:
         scene, engine = plan.member(number)
     except FlexlinkError:
         return True
-    alone = (
-        scene.wrench.varies
-        or bool(scene.wrench.on)
-        or scene.run.solver != "articulated"
-        or not steps_explicitly(scene.run)
-    )
-    return engine == "native" and not alone
+    alone = scene.wrench.varies or scene.wrench.on or scene.run.solver != "articulated"
+    return engine == "native" and not alone and steps_explicitly(scene.run)
 
 
 def _ends(plan: Plan, numbers: Sequence[int], stop: Stop) -> list[Row | Outcome]:
@@ -107,7 +102,9 @@ def _ends(plan: Plan, numbers: Sequence[int], stop: Stop) -> list[Row | Outcome]
             if engine == "native":
                 native[number] = scene
             else:
-                results[number] = _integrated(scene, engine)
+                problem = problem_of(scene)
+                states = load(engine, problem.original).integrate(scene)
+                results[number] = trajectory_from_states(problem, *states)
         except FlexlinkError as error:
             results[number] = error
     block, values = None, []
@@ -119,12 +116,6 @@ def _ends(plan: Plan, numbers: Sequence[int], stop: Stop) -> list[Row | Outcome]
         else:
             results[number] = end
     return [results[number] for number in numbers]
-
-
-def _integrated(scene: Scene, engine: str) -> Trajectory:
-    """Run the scene in another engine."""
-    problem = problem_of(scene)
-    return trajectory_from_states(problem, *load(engine, problem.original).integrate(scene))
 
 
 def _row(plan: Plan, number: int, end: Row | Outcome) -> Row:

@@ -101,7 +101,8 @@ class WorkerPool:
 def pool_of(executor: Executor | Callable[[], Executor] | None, workers: int, dask: str | None) -> Iterator[WorkerPool]:
     """Pool with the caller's executor, or one made by the caller's function, or an executor for `dask` or `workers`."""
     if isinstance(executor, Executor):  # the caller shuts it down
-        yield WorkerPool(lambda: executor, TASKS_PER_WORKER * _count_of(executor))
+        workers = int(getattr(executor, "_max_workers", 0) or os.cpu_count() or 1)
+        yield WorkerPool(lambda: executor, TASKS_PER_WORKER * workers)
     elif callable(executor):
         yield from _own(WorkerPool(executor, TASKS_PER_WORKER * (os.cpu_count() or 1), again=True))
     elif executor is not None:
@@ -121,11 +122,6 @@ def _own(pool: WorkerPool) -> Iterator[WorkerPool]:
         yield pool
     finally:
         pool.executor.shutdown(wait=False, cancel_futures=True)
-
-
-def _count_of(executor: Executor) -> int:
-    """Number of workers of an executor; the number of cores if it is unknown."""
-    return int(getattr(executor, "_max_workers", 0) or os.cpu_count() or 1)
 
 
 def _on_cluster(address: str) -> Iterator[WorkerPool]:
