@@ -22,8 +22,6 @@ from flexlink.advice.model import FAMILIES, FLEX, Bend, Model, by_rule, can_move
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.describe.link import AXES, of_number
 
-FIRST = operator.itemgetter(0)
-
 
 class Solution(NamedTuple):
     """A run whose error is allowed."""
@@ -200,12 +198,13 @@ class Allocation:
         """The cheapest model with at most this error [m]; None if no model is predicted to be this accurate."""
         enough = [model for model, error in self.measured.items() if error <= allowed]
         enough += filter(None, [self._rounded_up(allowed)])
-        cost, model = min(((self.cost(model), model) for model in enough), key=FIRST, default=(math.inf, None))
+        first = operator.itemgetter(0)
+        cost, model = min(((self.cost(model), model) for model in enough), key=first, default=(math.inf, None))
         if model is None:
             return None
         while True:
             smaller = [(self.cost(less), less) for less in self._smaller(model) if self._error(less) <= allowed]
-            least, less = min(smaller, key=FIRST, default=(math.inf, model))
+            least, less = min(smaller, key=first, default=(math.inf, model))
             if least >= cost:
                 return model
             cost, model = least, less
@@ -251,18 +250,12 @@ class Allocation:
 # again link by link and direction by direction; directions without modes, and links without directions, become rigid.
 
 
-OF_STATIONS = 0.5
-"""Largest error of the stations, as a share of the allowed error."""
-OF_STEPS = 0.05
-"""Tolerance of the steps, as a share of the allowed error."""
-
-
 class ShapeSearch:
     """Search for the smallest model with strain modes, or with hinges that move one by one if those are fewer."""
 
     def __init__(self, runner: ModelRunner, link_errors: LinkErrors, allowed: float, *, explicit: bool) -> None:
         self.runner, self.link_errors, self.allowed, self.explicit = runner, link_errors, allowed, explicit
-        self.stepping = Stepping("auto", tolerance=OF_STEPS * allowed)
+        self.stepping = Stepping("auto", tolerance=0.05 * allowed)
         self.lines: list[str] = []
 
     def best(self, cheapest: Solution | None) -> Solution | None:
@@ -299,7 +292,7 @@ class ShapeSearch:
         return None
 
     def _shaped(self) -> Solution | None:
-        stations = self._coarsest(OF_STATIONS)
+        stations = self._coarsest(0.5)
         if stations is None:
             return None
         most = min(bend.hinges for bend in stations.model if bend)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Sequence
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from flexlink.motion.slopes_of_runs import CENTRAL, FORWARD, Places, mirrored, m
 from flexlink.results.stop_reasons import InterruptedRunError
 from flexlink.results.trajectory import Trajectory
 
-T = TypeVar("T")
 Model = list[list[Array]]
 """Predictions for every block of every source."""
 Slopes = list[list[Array]]
@@ -163,7 +162,7 @@ class Signals:
         return end
 
 
-def _or_error(function: Callable[..., T], *arguments: object) -> T | FlexlinkError:
+def _or_error(function: Callable[..., Any], *arguments: object) -> Any:
     try:
         return function(*arguments)
     except FlexlinkError as error:
