@@ -282,7 +282,7 @@ def _modes(scene: Scene) -> list[tuple[float, float]]:
     return [(float(found.hertz[k]), float(found.damping_ratios[k])) for k in elastic]
 
 
-# Measured and predicted frequency responses, of fits too.
+# Measured and predicted frequency responses, of checks and of fits.
 
 
 class Compared(NamedTuple):
