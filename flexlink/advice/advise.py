@@ -6,7 +6,7 @@ import math
 import warnings
 from collections.abc import Callable
 from time import thread_time
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -87,17 +87,12 @@ def advise(
     """
     scene = checked_scene(require_type("scene", scene, Scene))
     goal = goal_of(tip, deflection=require_bool("deflection", deflection), band=band, run=scene.run)
-    return Advisor(scene, goal, positive("budget", budget), require_measure(measure)).advice()
+    require_one_of("measure", measure, dict.fromkeys(get_args(Measure)))
+    return Advisor(scene, goal, positive("budget", budget), measure).advice()
 
 
 Measure = Literal["simulation", "explicit", "control"]
 """What advice minimises."""
-
-
-def require_measure(value: str) -> Measure:
-    """Return the measure; errors as in `require_one_of`."""
-    measures: dict[Measure, Measure] = {"simulation": "simulation", "explicit": "explicit", "control": "control"}
-    return require_one_of("measure", value, measures)
 
 
 class Advisor:

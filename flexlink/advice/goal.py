@@ -37,14 +37,7 @@ class Goal(NamedTuple):
 
 
 def goal_of(tip: float | str, *, deflection: bool, band: float | None, run: RunSettings) -> Goal:
-    """Convert the arguments of `advise` to a goal.
-
-    Raises
-    ------
-    ArgumentError
-        `tip` is not a fraction between 0 and 1 or a length with its unit, `deflection` is combined with a length,
-        or the samples are too far apart for `band`.
-    """
+    """Convert the arguments of `advise` to a goal."""
     wanted = "a fraction of the tip's travel, such as 1e-3, or a length with its unit, such as '2 mm'"
     units = {"m": 1.0, "mm": 1e-3, "µm": 1e-6, "um": 1e-6}
     if isinstance(tip, str) and (match := re.fullmatch(r"\s*([0-9.eE+-]+)\s*(m|mm|µm|um)\s*", tip)):

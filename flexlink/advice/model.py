@@ -117,13 +117,7 @@ def is_beam(link: Link) -> bool:
 
 
 def checked_scene(scene: Scene) -> Scene:
-    """Return the scene if it can be run with any model.
-
-    Raises
-    ------
-    SceneError
-        The scene starts from the coordinates of one model, has no duration, or has no link with a section.
-    """
+    """Return the scene if it can be run with any model."""
     for name in ("q", "qd"):
         value = getattr(scene.initial, name)
         if value is not None:

@@ -95,20 +95,19 @@ class ModelRunner:
 
         It is None if no joint is free.
         """
-        scene = self.scene
-        held = {scene.arm.number(motion.link) for motion in scene.motion}
-        held |= {k for k, link in enumerate(scene.arm.links, 1) if link.joint.locked}
-        if len(held) == len(scene.arm.links):
+        chain, initial = self.chain(model), self.scene.initial
+        free = [k for k in chain.active.tolist() if not chain.held[k]]
+        if not free:
             return None
-        free = {
-            slides: [k not in held and s == slides for k, s in enumerate(scene.arm.slides, 1)]
-            for slides in (False, True)
-        }
-        deg, m = scene.initial.joint_deg, scene.initial.positions_m
-        turned = tuple(q + f * math.degrees(angle) for q, f in zip(deg, free[False], strict=True))
-        slid = tuple(q + f * angle * self.chain(model).size for q, f in zip(m, free[True], strict=True))
-        moved = replace(scene.initial, joint_deg=turned, joint_m=slid if any(free[True]) else scene.initial.joint_m)
-        return self.run_from(moved, model, stepping)
+        deg, m = np.array(initial.joint_deg), np.array(initial.positions_m)
+        for k in free:
+            link = chain.coordinate(k).link - 1
+            if chain.slides[k]:
+                m[link] += angle * chain.size
+            else:
+                deg[link] += math.degrees(angle)
+        joint_m = tuple(m.tolist()) if chain.slides[free].any() else initial.joint_m
+        return self.run_from(replace(initial, joint_deg=tuple(deg.tolist()), joint_m=joint_m), model, stepping)
 
     def run_from(self, initial: InitialState, model: Model, stepping: Stepping) -> Outcome:
         """The run from other initial conditions."""
@@ -166,10 +165,10 @@ class ModelRunner:
         states = []
         for time, angles, rates in self.postures or [(self.scene.initial.time, {}, {})]:
             q, qd = np.zeros((2, chain.n))
-            for k in chain.active:
-                link = chain.coordinate(int(k)).link
-                initial = float(self.scene.joint_positions[link - 1])
-                q[k], qd[k] = angles.get(link, initial), rates.get(link, 0.0)
+            for k in chain.active.tolist():
+                link = chain.coordinate(k).link
+                q[k] = angles.get(link, self.scene.joint_positions[link - 1])
+                qd[k] = rates.get(link, 0.0)
             states.append((time, q, qd))
         return states
 
@@ -177,15 +176,12 @@ class ModelRunner:
         """Largest step of RK4 [s] that is stable in all sampled configurations; 0 if there is no such step."""
         if model not in self._stable_steps:
             chain = self.chain(model)
-            inputs = input_arrays(self.scene, chain)
+            inputs, states = input_arrays(self.scene, chain), self.states(chain)
             try:
-                steps = [
-                    stable_step(chain, q, qd, **acting_at(inputs, chain, time, q, qd))
-                    for time, q, qd in self.states(chain)
-                ]
+                steps = (stable_step(chain, q, qd, **acting_at(inputs, chain, t, q, qd)) for t, q, qd in states)
+                self._stable_steps[model] = min(steps)
             except FlexlinkError:
-                steps = [0.0]
-            self._stable_steps[model] = min(steps)
+                self._stable_steps[model] = 0.0
         return self._stable_steps[model]
 
     def estimated_step(self, link: int, bend: Bend) -> float:

@@ -6,7 +6,7 @@
     d                            drift of the tip when springs that are initially bent are released (`release`)
 
 None of these is a bound, because joints yield and loads excite other modes. The estimate is 2.5 times the largest of u,
-y and d. On 22 scenes of arms that are driven, prescribed, falling or in resonance, the error of the rigid model was at
+y and d. On 22 scenes of arms that are driven, falling or in resonance, the error of the rigid model was at
 most 0.8 times the estimate.
 
 Release of links that start in static equilibrium with locked joints (`initial.passive` = "static").
@@ -53,19 +53,17 @@ def rigid_run(runner: ModelRunner, goal: Goal, size: float) -> Outcome | None:
     model, motion = rigid_model(runner), Thresholds.first_guess * size
     if not can_move(runner.scene, model):
         return None
+
+    def tolerance(motion: float) -> float:
+        return max(Thresholds.reference_step_share * goal.tolerance(motion, motion), least_tolerance(size))
+
     while True:
-        outcome = runner.run(model, Stepping("Radau5", tolerance=_of_steps(goal.tolerance(motion, motion), size)))
+        outcome = runner.run(model, Stepping("Radau5", tolerance=tolerance(motion)))
         if not outcome.completed:
             return None
         assumed, motion = motion, tip_travel(outcome.tip)
-        if assumed <= Thresholds.rerun_factor * motion or outcome.stepping.tolerance == _of_steps(
-            goal.tolerance(motion, motion), size
-        ):
+        if assumed <= Thresholds.rerun_factor * motion or outcome.stepping.tolerance == tolerance(motion):
             return outcome
-
-
-def _of_steps(allowed: float, size: float) -> float:
-    return max(Thresholds.reference_step_share * allowed, least_tolerance(size))
 
 
 def cheapest_run(runner: ModelRunner, strict: Outcome, allowed: float, error: Callable[[Array], float]) -> Outcome:
@@ -94,11 +92,11 @@ def cheapest_run(runner: ModelRunner, strict: Outcome, allowed: float, error: Ca
 def _steppings(runner: ModelRunner, strict: Outcome, allowed: float) -> list[Stepping]:
     """Steps expected to be cheaper than the steps of a strict run, cheapest first."""
     assert strict.stepping.tolerance is not None
-    costs = {
-        Stepping("Radau5", tolerance=factor * allowed): strict.seconds
-        * (factor * allowed / strict.stepping.tolerance) ** -0.25  # steps follow an error estimate of order 4
-        for factor in Thresholds.loose
-    }
+    costs = {}
+    for tolerance in (factor * allowed for factor in Thresholds.loose):  # steps follow an error estimate of order 4
+        costs[Stepping("Radau5", tolerance=tolerance)] = (
+            strict.seconds * (tolerance / strict.stepping.tolerance) ** -0.25
+        )
     fixed = runner.fixed_steps(runner.scene.run.spacing)
     if fixed is not None:
         costs[fixed] = runner.fixed_steps_cost(rigid_model(runner), fixed)
@@ -153,11 +151,8 @@ def growth(runner: ModelRunner, outcome: Outcome, error: float) -> float:
     if perturbed is None:
         return 1.0
     apart = largest_distance(perturbed.tip, outcome.tip)
-    return (
-        apart / start
-        if apart <= Thresholds.proportional * max(tip_travel(outcome.tip), Thresholds.modest_growth * start)
-        else np.inf
-    )
+    proportional = Thresholds.proportional * max(tip_travel(outcome.tip), Thresholds.modest_growth * start)
+    return apart / start if apart <= proportional else np.inf
 
 
 def release(runner: ModelRunner, strict: Outcome, model: Model, q: Array) -> tuple[Array, Array]:
@@ -183,7 +178,7 @@ def release(runner: ModelRunner, strict: Outcome, model: Model, q: Array) -> tup
 
 
 def _turned(rigid: Chain, chain: Chain, q: Array, w: Array) -> Array:
-    """Rotations δ of the rigid chain's joints for spring angles w; 0 for prescribed joints."""
+    """Rotations δ of the rigid chain's joints for spring angles w; 0 for held joints."""
     there = np.array([chain.index(*coordinate) for coordinate in rigid.coordinates], np.intp)
     free = ~rigid.held
     rows = mass_matrix(chain, q)[there[free]]

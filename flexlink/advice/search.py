@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 import math
+import operator
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
@@ -156,12 +157,10 @@ class Search:
 
     def _fixed_cost(self, part: float, model: Model) -> float:
         """Cost of a run with fixed steps [s], from an estimated stable step."""
+        if not can_move(self.runner.scene, model):
+            return np.inf
         step = min((self._stable_step(k, bend) for k, bend in enumerate(model) if bend), default=np.inf)
-        stepping = (
-            self.runner.fixed_steps(part * Thresholds.stable_share * step)
-            if can_move(self.runner.scene, model)
-            else None
-        )
+        stepping = self.runner.fixed_steps(part * Thresholds.stable_share * step)
         return np.inf if stepping is None else self.runner.fixed_steps_cost(model, stepping)
 
     def _stable_step(self, k: int, bend: Bend) -> float:
@@ -199,12 +198,13 @@ class Allocation:
         """The cheapest model with at most this error [m]; None if no model is predicted to be this accurate."""
         enough = [model for model, error in self.measured.items() if error <= allowed]
         enough += filter(None, [self._rounded_up(allowed)])
-        cost, model = min(((self.cost(model), model) for model in enough), key=_first, default=(math.inf, None))
+        first = operator.itemgetter(0)
+        cost, model = min(((self.cost(model), model) for model in enough), key=first, default=(math.inf, None))
         if model is None:
             return None
         while True:
             smaller = [(self.cost(less), less) for less in self._smaller(model) if self._error(less) <= allowed]
-            least, less = min(smaller, key=_first, default=(math.inf, model))
+            least, less = min(smaller, key=first, default=(math.inf, model))
             if least >= cost:
                 return model
             cost, model = least, less
@@ -243,10 +243,6 @@ class Allocation:
         return by_rule(flex, hinges, self.link_errors.refinement.family) if hinges else None
 
 
-def _first(option: tuple[float, Model]) -> float:
-    return option[0]
-
-
 # Search for the fewest strain modes whose error is allowed, for controllers, observers and explicit methods.
 #
 # The stations of the shapes are the hinges of the coarsest level whose error is at most half the allowed one. The
@@ -254,18 +250,12 @@ def _first(option: tuple[float, Model]) -> float:
 # again link by link and direction by direction; directions without modes, and links without directions, become rigid.
 
 
-OF_STATIONS = 0.5
-"""Largest error of the stations, as a share of the allowed error."""
-OF_STEPS = 0.05
-"""Tolerance of the steps, as a share of the allowed error."""
-
-
 class ShapeSearch:
     """Search for the smallest model with strain modes, or with hinges that move one by one if those are fewer."""
 
     def __init__(self, runner: ModelRunner, link_errors: LinkErrors, allowed: float, *, explicit: bool) -> None:
         self.runner, self.link_errors, self.allowed, self.explicit = runner, link_errors, allowed, explicit
-        self.stepping = Stepping("auto", tolerance=OF_STEPS * allowed)
+        self.stepping = Stepping("auto", tolerance=0.05 * allowed)
         self.lines: list[str] = []
 
     def best(self, cheapest: Solution | None) -> Solution | None:
@@ -273,20 +263,21 @@ class ShapeSearch:
 
         `cheapest` is the solution of `Search`, whose hinges move one by one.
         """
-        hinges = [each for each in (self._coarsest(1.0), cheapest) if each is not None]
-        shaped = self._shaped()
         best: list[Solution] = []
-        for name, found in (("one by one", hinges), ("strain modes", [shaped] if shaped else [])):
-            if found:
-                best.append(min(found, key=lambda each: self.size(each.model)))
-                self.lines.append(f"{name}: {self._in_words(best[-1].model)}")
+        for name, several in (("one by one", (self._coarsest(1.0), cheapest)), ("strain modes", (self._shaped(),))):
+            if found := [each for each in several if each is not None]:
+                best.append(min(found, key=self.size))
+                chain, stable = self.runner.chain(best[-1].model), self.runner.stable_step(best[-1].model)
+                in_words = f"{chain.freedoms} coordinates, largest stable step of RK4 {stable:.3g} s"
+                self.lines.append(f"{name}: {in_words}")
         if not best:
             return None
-        smallest = min(best, key=lambda each: self.size(each.model))
+        smallest = min(best, key=self.size)
         return self._by_fixed_steps(smallest) if self.explicit else smallest
 
-    def size(self, model: Model) -> float:
+    def size(self, solution: Solution) -> float:
         """The measure to minimise: coordinates or, for explicit methods, CPU time per simulated second [s]."""
+        model = solution.model
         if not self.explicit:
             return float(self.runner.chain(model).freedoms)
         return self.runner.evaluation_cost(model, explicit=True) / self.runner.stable_step(model)
@@ -301,7 +292,7 @@ class ShapeSearch:
         return None
 
     def _shaped(self) -> Solution | None:
-        stations = self._coarsest(OF_STATIONS)
+        stations = self._coarsest(0.5)
         if stations is None:
             return None
         most = min(bend.hinges for bend in stations.model if bend)
@@ -337,16 +328,11 @@ class ShapeSearch:
                 return found
         return solution
 
-    def _in_words(self, model: Model) -> str:
-        chain = self.runner.chain(model)
-        return f"{chain.freedoms} coordinates, largest stable step of RK4 {self.runner.stable_step(model):.3g} s"
-
 
 def _fewer(model: Model) -> Iterator[Model]:
     """Models with one mode less in one direction of one link, from the tip inward."""
     for k in reversed(range(len(model))):
-        for less in _less_of(model[k]):
-            yield (*model[:k], less, *model[k + 1 :])
+        yield from ((*model[:k], less, *model[k + 1 :]) for less in _less_of(model[k]))
 
 
 def _less_of(bend: Bend | None) -> Iterator[Bend | None]:

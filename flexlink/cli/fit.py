@@ -22,16 +22,15 @@ from flexlink.common.errors import ArgumentError, Diagnostic, IdentifiabilityErr
 from flexlink.common.output import make_folder, or_keep, write_text
 from flexlink.common.progress import Progress
 from flexlink.describe.plausibility.hints import hints
-from flexlink.identification.checked_page import document
 from flexlink.identification.compared_fits import FitComparison, compare_fits, folds
 from flexlink.identification.coordinates import hints_on_bounds
 from flexlink.identification.experiments import Experiments
 from flexlink.identification.fit import check_fit, fit
 from flexlink.identification.fitted import Fitted, building
-from flexlink.identification.grid import Grid
-from flexlink.identification.identifiability import WIDE, Check
+from flexlink.identification.identifiability import WIDE, Check, document
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.propose import propose
+from flexlink.identification.systematic import Grid
 from flexlink.pages.tables import Table
 
 
@@ -118,7 +117,7 @@ def _report(found: Check | Fitted, problem: FitProblem, options: argparse.Namesp
     if isinstance(found, Fitted):
         page = None if out is None else or_keep(out, lambda folder: building().build(found, folder, command, proposals))
     else:
-        page = None if out is None else building("checked_page").build_check(problem, found, out, command, proposals)
+        page = None if out is None else building().build_check(problem, found, out, command, proposals)
     if page is not None:
         print_path("page", page.page)
     return 0 if found.passed and not (isinstance(found, Check) and found.coarse) else 1

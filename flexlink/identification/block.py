@@ -137,39 +137,27 @@ def whiteness(e: Array) -> float:
     return float(scipy.special.chdtrc(lags, n * (n + 2) * np.sum(ρ**2 / (n - np.arange(1, lags + 1)))))
 
 
+LINEAR = "gain", "bias", "drift"
+"""Unknowns of an instrument that enter linearly."""
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class Block:
-    """Measurements of one instrument, with a description of their noise.
+    """Measurements of one instrument, with a description of their noise."""
 
-    Attributes
-    ----------
-    name
-        What was measured, with the unit; for a run, the name of its column.
-    y
-        Measured values in SI units, shape (n,), finite.
-    σ
-        Standard deviation of the noise in `y`, shape (n,).
-    stated
-        Whether the problem states the noise; otherwise it is estimated from the residuals.
-    t
-        Times of a run's samples [s], shape (n,); None for single measurements, whose noise is independent.
-    colour
-        AR model of the noise, None for white noise. With a model, σ is the standard deviation of the innovations.
-    gain, bias, drift
-        Whether scale, offset, and a linear drift of the offset are unknown.
-    left_out
-        Outliers, whose residual counts as zero, shape (n,); None if all samples are used.
-    """
-
-    name: str
-    y: Array
-    σ: Array
-    stated: bool
+    name: str  # what was measured, with the unit; for a run, the name of its column
+    y: Array  # measured values in SI units, shape (n,), finite
+    σ: Array  # standard deviation of the noise in `y`, shape (n,)
+    stated: bool  # whether the problem states the noise; otherwise it is estimated from the residuals
+    # times of a run's samples [s], shape (n,); None for single measurements, whose noise is independent
     t: Array | None = None
+    # AR model of the noise, None for white noise. With a model, σ is the standard deviation of the innovations
     colour: Colour | None = None
+    # gain, bias, drift: whether scale, offset, and a linear drift of the offset are unknown
     gain: bool = False
     bias: bool = False
     drift: bool = False
+    # outliers, whose residual counts as zero, shape (n,); None if all samples are used
     left_out: npt.NDArray[np.bool_] | None = None
 
     @property
@@ -177,10 +165,14 @@ class Block:
         """1 for samples that are used, 0 for outliers that are left out, shape (n,)."""
         return np.ones(len(self.y)) if self.left_out is None else np.where(self.left_out, 0.0, 1.0)
 
+    def with_deviation(self, σ: float) -> Block:
+        """The block with this standard deviation of all its noise."""
+        return dataclasses.replace(self, σ=np.full(len(self.y), σ))
+
     @property
     def linear(self) -> list[str]:
         """Unknowns of the instrument that enter linearly, in the order of the columns of a Jacobian."""
-        return [what for what in ("gain", "bias", "drift") if getattr(self, what)]
+        return [what for what in LINEAR if getattr(self, what)]
 
     @property
     def unit(self) -> str:
@@ -209,11 +201,8 @@ def unit_in(name: str) -> str:
 
 def with_noise_of_data(blocks: Sequence[Block]) -> list[Block]:
     """The blocks of a run; where the noise is neither stated nor coloured, it is estimated from the data."""
-    found = []
-    for block in blocks:
-        σ = noise_in(block)
-        found.append(block if σ is None else dataclasses.replace(block, σ=np.full(len(block.y), σ)))
-    return found
+    pairs = [(block, noise_in(block)) for block in blocks]
+    return [block if σ is None else block.with_deviation(σ) for block, σ in pairs]
 
 
 def noise_in(block: Block) -> float | None:

@@ -9,9 +9,8 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -27,9 +26,9 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import Sensor, column_names
 from flexlink.describe.vary import parts_of
 from flexlink.dynamics.sensors.signals import check_placements
-from flexlink.identification.block import unit_in
+from flexlink.identification.block import LINEAR, unit_in
 from flexlink.identification.coordinates import Coordinate
-from flexlink.identification.data import Source, at_times, exact
+from flexlink.identification.data import Source, at_times, exact, sagged, tapped
 from flexlink.identification.experiments import (
     ColumnExperiment,
     Experiments,
@@ -39,7 +38,6 @@ from flexlink.identification.experiments import (
     StaticExperiment,
 )
 from flexlink.identification.problem import FitModes, FitParameter, FitProblem, FitRun, FitStatic, files_of
-from flexlink.identification.sources import sagged, tapped
 from flexlink.identification.timing import as_long
 from flexlink.motion.simulate import simulate
 
@@ -48,29 +46,14 @@ Addition = FitRun | FitModes | FitStatic | FitParameter
 
 
 class Candidate(NamedTuple):
-    """An experiment on this arm.
+    """An experiment on this arm."""
 
-    Attributes
-    ----------
-    experiment
-        Name of the experiment.
-    title
-        What to measure, with its assumed deviation.
-    reason
-        Reason for the deviation or the motion.
-    addition
-        What it adds to the problem.
-    beside
-        Run that it repeats with other columns; all candidates that repeat a run are simulated together.
-    recorded
-        The addition as read from a file of the problem that already contains its column; None if there is none.
-    """
-
-    experiment: str
-    title: str
-    reason: str
-    addition: Addition
-    beside: str = ""
+    experiment: str  # name of the experiment
+    title: str  # what to measure, with its assumed deviation
+    reason: str  # reason for the deviation or the motion
+    addition: Addition  # what it adds to the problem
+    beside: str = ""  # run that it repeats with other columns; all candidates that repeat a run are simulated together
+    # the addition as read from a file of the problem that already contains its column; None if there is none
     recorded: FitRun | None = None
 
 
@@ -79,8 +62,8 @@ class Bench:
 
     Attributes
     ----------
-    problem
-        The problem.
+    problem, coordinates, x
+        The problem, its parameters, and the point.
     scene
         Its scene with the values of the parameters of all runs.
     skipped
@@ -90,18 +73,17 @@ class Bench:
     def __init__(
         self, problem: FitProblem, sources: Sequence[Source], coordinates: Sequence[Coordinate], x: Array
     ) -> None:
-        self.problem = problem
+        self.problem, self.coordinates, self.x = problem, coordinates, x
         self.values = {
             (one.run, one.path): one.value(float(at)) for one, at in zip(coordinates, x, strict=True) if not one.timing
         }
-        self.scene = problem.scene.varied({path: value for (run, path), value in self.values.items() if not run})
+        self.common = {path: value for (run, path), value in self.values.items() if not run}
+        self.scene = problem.scene.varied(self.common)
         self.skipped: list[Diagnostic] = []
         known = {source.name: source for source in sources if source.is_run}
-        self.runs: list[tuple[FitRun, Source | None]] = [
-            (run, known[run.name]) for run in problem.run if run.name in known
-        ]
-        if not self.runs:
-            self.runs = [(FitRun(name="scene", columns={"t [s]": (0.0,)}), None)]
+        self.runs: list[tuple[FitRun, Source | None]]
+        self.runs = [(run, known[run.name]) for run in problem.run if run.name in known]
+        self.runs = self.runs or [(FitRun(name="scene", columns={"t [s]": (0.0,)}), None)]
 
     def candidates(self, experiments: Experiments) -> Iterator[Candidate]:
         """All candidates, those without simulated runs first."""
@@ -109,20 +91,18 @@ class Bench:
             yield from self._priors(prior)
         for static in experiments.static:
             for axis in range(3):
-                yield from self._tried(static.name, partial(self._static, static, axis))
+                yield from self._tried(static.name, self._static, static, axis)
         for modes in experiments.modes:
-            yield from self._tried(modes.name, partial(self._modes, modes))
+            yield from self._tried(modes.name, self._modes, modes)
         for run, source in self.runs:
-            yield from self._tried(
-                f"columns of {run.name!r}", partial(self._of_columns, experiments.column, run, source)
-            )
+            yield from self._tried(f"columns of {run.name!r}", self._of_columns, experiments.column, run, source)
             for motion in experiments.motion if source is not None else ():
                 for link in self._links(motion):
-                    yield from self._tried(motion.name, partial(self._motion, motion, run, source, link))
+                    yield from self._tried(motion.name, self._motion, motion, run, source, link)
 
-    def _tried(self, name: str, make: Callable[[], list[Candidate]]) -> list[Candidate]:
+    def _tried(self, name: str, make: Callable[..., Iterator[Candidate]], *arguments: object) -> list[Candidate]:
         try:
-            return make()
+            return [*make(*arguments)]
         except FlexlinkError as error:
             self.skip(name, error)
             return []
@@ -131,8 +111,7 @@ class Bench:
         """Note an experiment that is left out."""
         self.skipped.append(Diagnostic(f"{name}: {reason}", "experiment-left-out"))
 
-    def _priors(self, experiment: PriorExperiment) -> list[Candidate]:
-        found = []
+    def _priors(self, experiment: PriorExperiment) -> Iterator[Candidate]:
         for one in self.problem.parameter:
             if one.prior is not None or not re.fullmatch(experiment.paths, one.path):
                 continue
@@ -142,19 +121,17 @@ class Bench:
                 continue
             title = f"{experiment.name}: {one.path} ± {deviation:.2g} (standard deviation)"
             addition = replace(one, prior=(rounded(value), rounded(deviation)))
-            found.append(Candidate(experiment.name, title, experiment.reason, addition))
-        return found
+            yield Candidate(experiment.name, title, experiment.reason, addition)
 
-    def _static(self, experiment: StaticExperiment, axis: int) -> list[Candidate]:
+    def _static(self, experiment: StaticExperiment, axis: int) -> Iterator[Candidate]:
         """The heaviest weight that moves the tip by no more than allowed."""
-        before = self.scene.wrench.force
-        if self.scene.wrench.varies or self.scene.arm.base.free:
-            cause = "the base is free" if self.scene.arm.base.free else "the wrench is not constant in frame 0"
+        scene, before = self.scene, self.scene.wrench.force
+        if scene.wrench.varies or scene.arm.base.free:
+            cause = "the base is free" if scene.arm.base.free else "the wrench is not constant in frame 0"
             raise ArgumentError(cause, id="no-effect")
-        largest = experiment.largest * lump(self.scene).reach
-        down = self.scene.gravity[axis] < 0 and abs(self.scene.gravity[axis]) > 0.5 * math.hypot(*self.scene.gravity)
-        found: list[Candidate] = []
-        what = f"tip {'xyz'[axis]} [m]"
+        largest = experiment.largest * lump(scene).reach
+        down = scene.gravity[axis] < 0 and abs(scene.gravity[axis]) > 0.5 * math.hypot(*scene.gravity)
+        found, what = None, f"tip {'xyz'[axis]} [m]"
         for mass in sorted(experiment.kilograms):
             force = [*before]
             force[axis] += (-1 if down else 1) * scipy.constants.g * mass
@@ -166,7 +143,7 @@ class Bench:
             try:
                 value = self._predicted(sagged(self.problem, addition, 0))[0][0]
             except FlexlinkError:  # the arm buckles or sags too far for a static solution
-                if not found:
+                if found is None:
                     raise
                 break
             if abs(value) > largest:
@@ -174,12 +151,12 @@ class Bench:
             if abs(value) > experiment.deviation:
                 title = f"static: {what} under {mass:g} kg along {addition.axis} (noise {experiment.deviation:g} m)"
                 addition = replace(addition, value=rounded(value))
-                found = [Candidate(experiment.name, title, experiment.reason, addition)]
-        if not found:
+                found = Candidate(experiment.name, title, experiment.reason, addition)
+        if found is None:
             raise ArgumentError(f"{what}: no weight moves the tip within the allowed range", id="no-effect")
-        return found
+        yield found
 
-    def _modes(self, experiment: ModesExperiment) -> list[Candidate]:
+    def _modes(self, experiment: ModesExperiment) -> Iterator[Candidate]:
         added, on = self._mass(experiment.kilograms, {})
         for count in range(experiment.count, 0, -1):
             addition = FitModes(
@@ -188,11 +165,10 @@ class Bench:
             )  # fmt: skip
             try:
                 hertz, *ratios = self._predicted(tapped(self.problem, addition, 0))
+                break
             except ArgumentError as error:
                 if error.id != "unknown-mode" or count == 1:
                     raise
-                continue
-            break
         deviations = tuple(rounded(experiment.share * f) for f in hertz)
         addition = replace(addition, hertz=tuple(map(rounded, hertz)), deviation=deviations)
         if ratios and experiment.ratio_share:
@@ -204,20 +180,18 @@ class Bench:
         title = f"{experiment.name}{on}: {listed} Hz ± {100 * experiment.share:.2g} %"
         if addition.ratios:
             title += f", damping ratio ± {100 * (experiment.ratio_share or 0.0):.2g} %"
-        return [Candidate(experiment.name, title, experiment.reason, addition)]
+        yield Candidate(experiment.name, title, experiment.reason, addition)
 
     def _of_columns(
         self, experiments: Sequence[ColumnExperiment], run: FitRun, source: Source | None
-    ) -> list[Candidate]:
+    ) -> Iterator[Candidate]:
         """One candidate for each column or sensor, recorded in a repeat of a run; one simulation predicts all."""
-        scene = self.problem.scene.varied(run.set) if run.set else self.problem.scene
-        sensors: list[Sensor] = []
+        scene, sensors = self.problem.scene.varied(run.set) if run.set else self.problem.scene, list[Sensor]()
         own = {one.name: sensors_on(one, scene, sensors) for one in experiments if one.sensor}
         t = self._times(source, 1.0)
         columns = self._recorded(run, {"sensor": (*scene.sensor, *sensors)} if sensors else {}, t)
         measured = {block.name for block in source.blocks} if source is not None else set()
         new = {name for one in sensors for name in column_names((one,), scene.arm)}
-        found = []
         for one in experiments:
             if one.sensor and not own[one.name]:
                 self.skip(one.name, f"no link of {run.name!r} takes this sensor")
@@ -226,32 +200,30 @@ class Bench:
             for sensor, names in [*of_sensors, *((None, (name,)) for name in others)]:
                 if not measured & {*names}:
                     changes = {} if sensor is None else {"sensor": (*scene.sensor, sensor)}
-                    found += self._column(one, run, sensor, changes, t, {name: columns[name] for name in names})
-        return found
+                    yield from self._column(one, run, sensor, changes, t, {name: columns[name] for name in names})
 
     def _column(
         self, experiment: ColumnExperiment, run: FitRun, sensor: Sensor | None, changes: Mapping[str, Any], t: Array,
         columns: Mapping[str, Array],
-    ) -> list[Candidate]:  # fmt: skip
+    ) -> Iterator[Candidate]:  # fmt: skip
         largest = max(float(np.abs(column).max()) for column in columns.values())
         noise = rounded(experiment.noise or (experiment.share or 0.0) * largest)
         names = tuple(name for name, column in columns.items() if np.ptp(column) > noise > 0)  # others show noise only
         what = sensor.name if sensor is not None else next(iter(columns))
         if not names:
             self.skip(f"{what} in {run.name!r}", "it does not change by more than its noise")
-            return []
-        unit = unit_in(names[0])
-        head = "" if sensor is not None else heads_of(run).get(names[0], "")
+            return
+        unit, head = unit_in(names[0]), "" if sensor is not None else heads_of(run).get(names[0], "")
         where = "a run of the scene"
         if run in self.problem.run:
             where = f"run {run.name!r}, where it is already recorded" if head else f"a repeat of run {run.name!r}"
-        addition = replace(
-            self._run(run, f"{run.name}, {what.partition(' [')[0]}", changes, t, columns, dict.fromkeys(names, noise)),
+        addition = self._run(
+            run, f"{run.name}, {what.partition(' [')[0]}", changes, t, columns, dict.fromkeys(names, noise),
             gain=names if experiment.gain else (), bias=names if experiment.bias else (),
         )  # fmt: skip
         title = f"add {what} in {where} (noise {noise:.2g}{f' {unit}' if unit != '1' else ''})"
         again = replace(addition, columns={}, file=run.file, compare=(head,), start=run.start) if head else None
-        return [Candidate(experiment.name, title, experiment.reason, addition, run.name, again)]
+        yield Candidate(experiment.name, title, experiment.reason, addition, run.name, again)
 
     def _measurable(self, name: str, pattern: str) -> bool:
         """Whether a column matches, and is not the angle of a hinge of a beam."""
@@ -267,43 +239,36 @@ class Bench:
             return [""]
         return [link.name for link in self.scene.arm.links if not link.joint.locked]
 
-    def _motion(self, experiment: MotionExperiment, run: FitRun, source: Source | None, link: str) -> list[Candidate]:
-        assert source is not None
+    def _motion(self, experiment: MotionExperiment, run: FitRun, source: Source, link: str) -> Iterator[Candidate]:
         added, on = self._mass(experiment.kilograms, run.set)
         changes = changes_of(experiment, self.problem.scene.varied(run.set), link) | added
         self._refuse_sought(changes)
         t = self._times(source, experiment.longer)
         columns = self._recorded(run, changes, t)
         where = f", joint {link}" if link else ""
-        size = {block.name: float(np.median(block.σ)) for block in source.blocks}
-        noise = {name: rounded(σ) for name, σ in size.items() if np.ptp(columns[name]) > σ}
+        blocks = [(b, float(np.median(b.σ))) for b in source.blocks]
+        noise = {b.name: rounded(σ) for b, σ in blocks if np.ptp(columns[b.name]) > σ}
         if not noise:
             raise ArgumentError("no column changes by more than its noise", id="no-effect")
-        addition = replace(
-            self._run(run, f"{run.name}, {experiment.name}{where}", changes, t, columns, noise),
-            gain=tuple(b.name for b in source.blocks if b.gain and b.name in noise),
-            bias=tuple(b.name for b in source.blocks if b.bias and b.name in noise),
-            drift=tuple(b.name for b in source.blocks if b.drift and b.name in noise),
-            delay=tuple(head for head in run.delay if head_of(head)[0] in {head_of(name)[0] for name in noise}),
-        )  # fmt: skip
+        unknown = {key: tuple(b.name for b, _ in blocks if key in b.linear and b.name in noise) for key in LINEAR}
+        unknown["delay"] = tuple(head for head in run.delay if head_of(head)[0] in {head_of(name)[0] for name in noise})
+        addition = self._run(run, f"{run.name}, {experiment.name}{where}", changes, t, columns, noise, **unknown)
         title = f"run {run.name!r} again, {experiment.name}{on}{where} (noise as in that run)"
-        return [Candidate(experiment.name, title, experiment.reason, addition)]
+        yield Candidate(experiment.name, title, experiment.reason, addition)
 
     def _run(
         self, run: FitRun, name: str, changes: Mapping[str, Any], t: Array, columns: Mapping[str, Array],
-        noise: Mapping[str, float],
+        noise: Mapping[str, float], **unknown: tuple[str, ...],
     ) -> FitRun:  # fmt: skip
-        """A run to be recorded, with the columns that `noise` names."""
-        data = {"t [s]": tuple(t.tolist())} | {one: tuple(columns[one].tolist()) for one in noise}
-        parameters = tuple(
-            replace(one, start=self.values.get((run.name, one.path), one.start)) for one in run.parameter
-        )
-        start: Literal["unknown"] | None = "unknown" if run.start == "unknown" else None
-        window = None if run.window is None else (float(t[0]), float(t[-1]))
-        return FitRun(
-            name=name, columns=data, set={**run.set, **changes}, noise=dict(noise), parameter=parameters, window=window,
-            clock=run.clock, start=start,
+        """A run to be recorded, with the columns that `noise` names; `unknown` names columns by what is unknown."""
+        parameters = (replace(one, start=self.values.get((run.name, one.path), one.start)) for one in run.parameter)
+        recorded = FitRun(
+            name=name, set={**run.set, **changes}, noise=dict(noise), parameter=tuple(parameters), clock=run.clock,
+            columns={"t [s]": tuple(t.tolist())} | {one: tuple(columns[one].tolist()) for one in noise},
+            window=None if run.window is None else (float(t[0]), float(t[-1])),
+            start="unknown" if run.start == "unknown" else None,
         )  # fmt: skip
+        return replace(recorded, **unknown)
 
     def _recorded(self, run: FitRun, changes: Mapping[str, Any], t: Array) -> Mapping[str, Array]:
         """Columns of the changed run at times t, predicted by the scene."""
@@ -316,10 +281,8 @@ class Bench:
     def _times(self, source: Source | None, longer: float) -> Array:
         """Times of the samples of a run, or of the scene's run."""
         if source is None:
-            start, run = self.problem.scene.initial.time, self.problem.scene.run
-            t = np.asarray(start + run.spacing * np.arange(round(run.duration / run.spacing) + 1), np.float64)
-        else:
-            t = np.asarray(max((block.t for block in source.blocks if block.t is not None), key=len))
+            return self.problem.scene.run.times_from(self.problem.scene.initial.time)
+        t = np.asarray(max((block.t for block in source.blocks if block.t is not None), key=len))
         if longer == 1:
             return t
         between, start = float(np.median(np.diff(t))), float(t[0])
@@ -327,17 +290,14 @@ class Bench:
 
     def _predicted(self, source: Source) -> list[Array]:
         assert source.at_rest is not None
-        at = {path: value for (run, path), value in self.values.items() if not run}
-        return source.at_rest(source.scene.varied(at))
+        return source.at_rest(source.scene.varied(self.common))
 
     def _mass(self, kilograms: Sequence[float], already: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
         """Change that clamps a known mass to the end of the last link, and its text."""
         if not kilograms:
             return {}, ""
-        links = self.scene.arm.links
-        allowed = [mass for mass in kilograms if mass <= lump(self.scene).mass / 2] or [min(kilograms)]
-        mass = max(allowed)
-        path = f"{self.scene.arm.path(len(links))}.end.mass"
+        mass = max([mass for mass in kilograms if mass <= lump(self.scene).mass / 2] or [min(kilograms)])
+        path = f"{self.scene.arm.path(len(self.scene.arm.links))}.end.mass"
         now = float(self.problem.scene.varied(dict(already)).values_at(path)[0] or 0.0)
         self._refuse_sought({path: mass})
         return {path: rounded(now + mass)}, f" ({mass:g} kg)"

@@ -47,23 +47,8 @@ def columns_of(
         found += columns
         checks += [(source, scene)] if source.is_run else []
         report(f"checked against {source.name}")
-    return tuple(_with_linear(found, fitted, checks))
-
-
-def _with_linear(
-    columns: Sequence[FittedColumn], fitted: Sequence[tuple[Source, Scene]], kept: Sequence[tuple[Source, Scene]]
-) -> list[FittedColumn]:
-    """The same columns; columns of runs also contain the predictions of a free linear model."""
-    models = linear_models(fitted, kept)
-    if models is None:
-        return list(columns)
-    runs = [source for source, _ in (*fitted, *kept)]
-    given = {
-        (source.name, block.name): model
-        for source, several in zip(runs, models, strict=True)
-        for block, model in zip(source.blocks, several, strict=True)
-    }
-    return [dataclasses.replace(one, linear=given.get((one.source, one.name))) for one in columns]
+    linear = linear_models(fitted, checks)
+    return tuple(dataclasses.replace(one, linear=linear.get((one.source, one.name))) for one in found)
 
 
 def _kept(
@@ -128,7 +113,7 @@ def _known(block: Block, gains: dict[str, float], noises: dict[str, float]) -> B
 #     y_c(t) = Σ_j Re(a_cj e^{λ_j t}) + Σ_u Σ_j Re(b_cju ∫ e^{λ_j (t − s)} u(s) ds) + d_c
 #
 # The eigenvalues λ_j are estimated, starting from those modes of the fitted scene at rest that the records resolve. The
-# inputs u are the accelerations of prescribed joints. The residues b of each column and input are common to all runs; a
+# inputs u are the accelerations of held joints. The residues b of each column and input are common to all runs; a
 # and d are different in each run. All parameters except λ are linear and take their optimal values.
 
 
@@ -138,43 +123,51 @@ Shapes = dict[tuple[int, bytes], tuple[Array, Array]]
 
 def linear_models(
     fitted: Sequence[tuple[Source, Scene]], checks: Sequence[tuple[Source, Scene]]
-) -> list[list[Array]] | None:
-    """Predictions for all blocks of the fitted runs, then of the runs kept to check the fit.
+) -> dict[tuple[str, str], Array]:
+    """Predictions for all columns of the fitted runs, and of the runs kept to check the fit, by run and column.
 
-    Return None if a linear model does not apply: joints swing freely or follow a controller, or the records resolve no
-    mode.
+    There are none if a linear model does not apply: joints swing freely or follow a controller, or the records resolve
+    no mode.
     """
     runs = [*fitted, *checks]
     if not fitted or not all(_held(scene) for _, scene in runs):
-        return None
+        return {}
     try:
         λ = _modes(fitted[0][1], min(source.rate for source, _ in fitted))
         inputs = [_accelerations(scene) for _, scene in runs]
     except FlexlinkError:
-        return None
+        return {}
     if not len(λ):
-        return None
+        return {}
     columns = sorted({block.name for source, _ in fitted for block in source.blocks})
     start = np.concatenate([np.log(np.abs(λ)), -λ.real / np.abs(λ)])
 
     def residual(p: Array) -> Array:
-        shapes: Shapes = {}
-        fits = [_stacked(name, _poles(p), fitted, inputs, shapes)[:2] for name in columns]
-        return np.concatenate([_projected(*fit) for fit in fits])
+        """Residuals with optimal weights, by QR; an SVD takes ten times as long."""
+        found, shapes = list[Array](), Shapes()
+        for name in columns:
+            Φ, target, _ = _stacked(name, _poles(p), fitted, inputs, shapes)
+            Q = np.linalg.qr(Φ)[0]
+            found.append(Q @ (Q.T @ target) - target)
+        return np.concatenate(found)
 
     far = np.concatenate([np.full(len(λ), 0.7), np.full(len(λ), 0.3)])
-    found = scipy.optimize.least_squares(residual, start, bounds=(start - far, start + far), max_nfev=40).x
-    shared = {name: _weights(name, _poles(found), fitted, inputs) for name in columns}
-    return [
-        [_given(block.name, _poles(found), source, driven, shared) for block in source.blocks]
+    λ = _poles(scipy.optimize.least_squares(residual, start, bounds=(start - far, start + far), max_nfev=40).x)
+    shared = dict[str, Array]()
+    for name in columns:
+        Φ, target, forced = _stacked(name, λ, fitted, inputs, {})
+        shared[name] = np.asarray(np.linalg.lstsq(Φ, target, rcond=None)[0][:forced])
+    return {
+        (source.name, block.name): _given(block.name, λ, source, driven, shared)
         for (source, _), driven in zip(runs, inputs, strict=True)
-    ]
+        for block in source.blocks
+    }
 
 
 def _held(scene: Scene) -> bool:
-    """Whether all joints are locked or prescribed."""
-    prescribed = {scene.arm.number(motion.link) for motion in scene.motion}
-    return all(link.joint.locked or k in prescribed for k, link in enumerate(scene.arm.links, 1))
+    """Whether the motion of all joints is known."""
+    chain = lump(scene)
+    return bool(chain.held[chain.active].all())
 
 
 def _modes(scene: Scene, rate: float) -> Array:
@@ -193,11 +186,10 @@ def _poles(p: Array) -> Array:
 
 
 def _accelerations(scene: Scene) -> tuple[Array, Array]:
-    """Times of a run, shape (samples,), and accelerations of its prescribed joints, shape (samples, joints)."""
+    """Times of a run, shape (samples,), and accelerations of its held joints, shape (samples, joints)."""
     run = simulate(scene)
-    prescribed = np.flatnonzero(run.chain.held)
-    accelerations = scipy.interpolate.CubicSpline(run.t, run.qd[:, prescribed])(run.t, 1)
-    return run.t, np.asarray(accelerations).reshape(len(run.t), len(prescribed))
+    rates = run.qd[:, run.chain.held]
+    return run.t, np.asarray(scipy.interpolate.CubicSpline(run.t, rates)(run.t, 1)).reshape(rates.shape)
 
 
 def _shapes(λ: Array, times: Array, driven: tuple[Array, Array]) -> tuple[Array, Array]:
@@ -232,32 +224,17 @@ def _stacked(
         for block in source.blocks
         if block.name == name
     ]
-    found = []
+    free, forced = list[Array](), list[Array]()
     for block, driven in measured:
         t = np.asarray(block.t)
         key = id(driven), t.tobytes()
         if key not in shapes:
             shapes[key] = _shapes(λ, t, driven)
-        found.append(shapes[key])
-    width, rows = [free_motion.shape[1] for free_motion, _ in found], []
-    for k, ((free_motion, forced), (block, _)) in enumerate(zip(found, measured, strict=True)):
-        before, behind = np.zeros((len(free_motion), sum(width[:k]))), np.zeros((len(free_motion), sum(width[k + 1 :])))
-        rows.append(np.hstack([forced, before, free_motion, behind]) / block.σ[:, None])
-    return np.vstack(rows), np.concatenate([block.y / block.σ for block, _ in measured]), found[0][1].shape[1]
-
-
-def _projected(Φ: Array, target: Array) -> Array:
-    """Residuals with optimal weights, by QR; an SVD takes ten times as long, and the search calls this often."""
-    Q = np.linalg.qr(Φ)[0]
-    return np.asarray(Q @ (Q.T @ target) - target)
-
-
-def _weights(
-    name: str, λ: Array, fitted: Sequence[tuple[Source, Scene]], inputs: Sequence[tuple[Array, Array]]
-) -> Array:
-    """Optimal weights of the inputs' basis functions for one column."""
-    Φ, target, forced = _stacked(name, λ, fitted, inputs, {})
-    return np.asarray(np.linalg.lstsq(Φ, target, rcond=None)[0][:forced])
+        free.append(shapes[key][0])
+        forced.append(shapes[key][1])
+    σ = np.concatenate([block.σ for block, _ in measured])
+    Φ = np.hstack([np.vstack(forced), scipy.linalg.block_diag(*free)]) / σ[:, None]
+    return Φ, np.concatenate([block.y for block, _ in measured]) / σ, forced[0].shape[1]
 
 
 def _given(name: str, λ: Array, source: Source, driven: tuple[Array, Array], shared: dict[str, Array]) -> Array:

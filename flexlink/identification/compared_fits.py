@@ -31,8 +31,8 @@ from flexlink.common.types import Array
 from flexlink.identification.block import unlikelihood
 from flexlink.identification.fit import fit
 from flexlink.identification.fitted import Fitted, FittedColumn
-from flexlink.identification.grid import Grid
 from flexlink.identification.problem import FitProblem
+from flexlink.identification.systematic import Grid
 from flexlink.pages.tables import Cell, Table
 
 

@@ -17,7 +17,7 @@ from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.plausibility.sizes import shown
 from flexlink.describe.scene import FIELDS, Scene
 from flexlink.describe.spec import bare_type, type_below, units_of
-from flexlink.describe.vary import Keys, number_in, routes_to
+from flexlink.describe.vary import number_in, routes_to
 from flexlink.identification.problem import FitParameter, FitProblem, FitRun
 
 Timing = Literal["delay", "clock", "start"]
@@ -30,42 +30,19 @@ OF_TIMING: dict[Timing, tuple[float, float, str]] = {
 
 @dataclasses.dataclass(frozen=True)
 class Coordinate:
-    """A parameter as a search coordinate x: value = e^x, or value = unit · x.
+    """A parameter as a search coordinate x: value = e^x, or value = unit · x."""
 
-    Attributes
-    ----------
-    path
-        Path in the scene.
-    run
-        Name of the run that the parameter belongs to; "" for a parameter of all runs.
-    start
-        Initial guess.
-    log
-        Whether x is the logarithm of the value.
-    unit
-        Typical large change of the value, if x is not its logarithm.
-    between
-        Lower and upper bound.
-    prior
-        Mean and standard deviation of the prior, if there is one.
-    measured_in
-        Unit of the value; "" for a dimensionless number.
-    timing
-        For the time of a run's data: "delay", "clock" or "start"; "" for a number of the scene.
-    column
-        Column with the delay.
-    """
-
-    path: str
-    run: str
-    start: float
-    log: bool
-    unit: float
-    between: tuple[float, float]
-    prior: tuple[float, float] | None
-    measured_in: str = ""
+    path: str  # path in the scene
+    run: str  # name of the run that the parameter belongs to; "" for a parameter of all runs
+    start: float  # initial guess
+    log: bool  # whether x is the logarithm of the value
+    unit: float  # typical large change of the value, if x is not its logarithm
+    between: tuple[float, float]  # lower and upper bound
+    prior: tuple[float, float] | None  # mean and standard deviation of the prior, if there is one
+    measured_in: str = ""  # unit of the value; "" for a dimensionless number
+    # for the time of a run's data: "delay", "clock" or "start"; "" for a number of the scene
     timing: Timing | Literal[""] = ""
-    column: str = ""
+    column: str = ""  # column with the delay
 
     @property
     def name(self) -> str:
@@ -99,13 +76,7 @@ class Coordinate:
 
 
 def coordinates_of(problem: FitProblem) -> tuple[Coordinate, ...]:
-    """Coordinates of all parameters; parameters of single runs come last.
-
-    Raises
-    ------
-    SceneError
-        A path is unknown or leads to no number or several different numbers; or the initial guess is out of bounds.
-    """
+    """Coordinates of all parameters; parameters of single runs come last."""
     found = [coordinate_of(problem.scene, parameter) for parameter in problem.parameter]
     for run in problem.run:
         if run.use == "fit":
@@ -124,13 +95,7 @@ def sought_in(problem: FitProblem) -> set[str]:
 
 
 def run_coordinates(problem: FitProblem, run: FitRun) -> list[Coordinate]:
-    """Coordinates of the parameters of one run; those of its times come last.
-
-    Raises
-    ------
-    SceneError
-        As in `coordinates_of`.
-    """
+    """Coordinates of the parameters of one run; those of its times come last."""
     scene = problem.scene.varied(run.set) if run.set else problem.scene
     return [*(coordinate_of(scene, parameter, run.name) for parameter in run.parameter), *timings(run)]
 
@@ -154,19 +119,15 @@ def shifted(t: Array, begin: float, column: str, timing: Sequence[tuple[Coordina
 
     t' = begin + (t − begin − start) / (1 + clock) − delay
     """
+    if not timing:
+        return t
     of_column = {"", head_of(column)[0]}
     by = {one.timing: one.value(x) for one, x in timing if head_of(one.column)[0] in of_column}
     return begin + (t - begin - by.get("start", 0.0)) / (1 + by.get("clock", 0.0)) - by.get("delay", 0.0)
 
 
 def coordinate_of(scene: Scene, parameter: FitParameter, run: str = "") -> Coordinate:
-    """Coordinate of one parameter of a scene.
-
-    Raises
-    ------
-    SceneError
-        As in `coordinates_of`.
-    """
+    """Coordinate of one parameter of a scene."""
     furthest = 1e3  # default bounds of a logarithmic parameter: this factor below and above the initial guess
     value = _value(scene, parameter)
     log = parameter.scale == "log" or (
@@ -245,13 +206,7 @@ def prior_rows(coordinates: Sequence[Coordinate], x: Array) -> tuple[Array, Arra
 
 
 def unit_of(scene: Scene, path: str) -> str:
-    """Return the unit of the number at a path of `Scene.varied`; "" if it has no unit, or if the unit is ambiguous.
-
-    Raises
-    ------
-    SceneError
-        The path does not exist.
-    """
+    """Return the unit of the number at a path of `Scene.varied`; "" if it has no unit, or if the unit is ambiguous."""
     found = set()
     for keys, _ in routes_to(scene.document(), FIELDS, path):
         kind = FIELDS[keys[0]]
@@ -260,12 +215,7 @@ def unit_of(scene: Scene, path: str) -> str:
             below = type_below(kind, str(key))
             units = units_of(below) if isinstance(bare_type(kind), type) else units
             kind = below
-        found.add(_of_joint(scene, keys, units))
+        if len(units) == 2 and keys[0] == "link" and keys[2] == "joint":  # rad or m
+            units = (units[scene.arm.slides[keys[1]]],)
+        found.add(units[0] if len(units) == 1 else "")
     return found.pop() if len(found) == 1 else ""
-
-
-def _of_joint(scene: Scene, keys: Keys, units: tuple[str, ...]) -> str:
-    """Choose the unit of a joint's number, for a revolute or a prismatic joint."""
-    if len(units) == 2 and keys[0] == "link" and keys[2] == "joint":
-        units = (units[scene.arm.slides[keys[1]]],)
-    return units[0] if len(units) == 1 else ""

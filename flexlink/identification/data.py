@@ -13,16 +13,18 @@ import scipy
 from msgspec.structs import replace
 
 from flexlink.chain.lumping import lump
-from flexlink.common.errors import DataFileError, Diagnostic, SceneError
+from flexlink.common.errors import ArgumentError, DataFileError, Diagnostic, SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import did_you_mean, plural
 from flexlink.data.measured import Measured, measured_from, named, read_together
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
+from flexlink.dynamics.placement import tip_position
+from flexlink.dynamics.vibration.modal import modes
 from flexlink.identification.block import Block
 from flexlink.identification.coordinates import Coordinate, shifted, sought_in, timings
-from flexlink.identification.frequency_response import Response, table_of
-from flexlink.identification.problem import FitProblem, FitRun, Use, files_of
+from flexlink.identification.frequency_response import Response, at_rest, measured_response, predicted, table_of
+from flexlink.identification.problem import FitFrf, FitModes, FitProblem, FitRun, FitStatic, Use, files_of
 from flexlink.identification.timing import as_long, doubts_of_times, in_periods, slowest_mode
 from flexlink.motion.slopes_of_runs import smooth
 from flexlink.results.samples import sources_of as columns_of
@@ -31,42 +33,22 @@ from flexlink.results.trajectory import Trajectory
 
 @dataclasses.dataclass(eq=False)
 class Source:
-    """A recorded run, or single measurements at rest.
+    """A recorded run, or single measurements at rest."""
 
-    Attributes
-    ----------
-    name, use
-        As in the problem.
-    scene
-        The scene that predicts the data, before parameters are set.
-    blocks
-        Columns of the run, or the single measurements.
-    rate
-        Sampling rate of a run's file [Hz].
-    shows
-        Text with the length of a run and the number of periods of the slowest mode that it contains.
-    doubts
-        Warnings about a run's times.
-    margin
-        Time that the simulation of a run continues beyond the data, for unknown delays, clock and start [s].
-    at_rest
-        Function that predicts single measurements from a scene; None for a run.
-    response
-        The measured frequency response, if the blocks are its real and imaginary part.
-    rough
-        The same data in a form whose cost has fewer minima, for the first search; None if there is none.
-    """
-
+    # name, use: as in the problem
     name: str
     use: Use
-    scene: Scene
-    blocks: tuple[Block, ...]
-    rate: float = 0.0
-    shows: str = ""
-    doubts: tuple[Diagnostic, ...] = ()
+    scene: Scene  # the scene that predicts the data, before parameters are set
+    blocks: tuple[Block, ...]  # columns of the run, or the single measurements
+    rate: float = 0.0  # sampling rate of a run's file [Hz]
+    shows: str = ""  # text with the length of a run and the number of periods of the slowest mode that it contains
+    doubts: tuple[Diagnostic, ...] = ()  # warnings about a run's times
+    # time that the simulation of a run continues beyond the data, for unknown delays, clock and start [s]
     margin: float = 0.0
+    # function that predicts single measurements from a scene; None for a run
     at_rest: Callable[[Scene], list[Array]] | None = None
-    response: Response | None = None
+    response: Response | None = None  # the measured frequency response, if the blocks are its real and imaginary part
+    # the same data in a form whose cost has fewer minima, for the first search; None if there is none
     rough: Source | None = None
 
     @property
@@ -91,23 +73,13 @@ class Source:
         """
         columns, begin = run.columns, self.scene.initial.time
         return [
-            at_times(
-                run.t,
-                columns[block.name],
-                shifted(np.asarray(block.t), begin, block.name, timing) if timing else np.asarray(block.t),
-            )
+            at_times(run.t, columns[block.name], shifted(np.asarray(block.t), begin, block.name, timing))
             for block in self.blocks
         ]
 
 
 def recorded(problem: FitProblem, run: FitRun) -> Source:
-    """Read a recorded run of a problem.
-
-    Raises
-    ------
-    DataFileError, SceneError
-        The file, its columns, or the run's `set` are wrong.
-    """
+    """Read a recorded run of a problem."""
     scene = problem.scene.varied(run.set) if run.set else problem.scene
     known = dict.fromkeys((*columns_of(lump(scene)), *column_names(scene.sensor, scene.arm)))
     measured, offset = _from_start(run, scene, _measured(run, known))
@@ -142,13 +114,7 @@ def recorded(problem: FitProblem, run: FitRun) -> Source:
 
 
 def _from_start(run: FitRun, scene: Scene, measured: Measured) -> tuple[Measured, tuple[Diagnostic, ...]]:
-    """Measurements with times from the scene's start on, and a note if the record and the scene do not start together.
-
-    Raises
-    ------
-    DataFileError
-        The record starts so late that nearly all of the simulation would precede it.
-    """
+    """Measurements with times from the scene's start on, and a note if the record and the scene start apart."""
     furthest = 10.0  # largest time between the start of the scene and of the record, in lengths of the record
     begin, t = scene.initial.time, measured.t
     if run.start is not None and run.start != "unknown":
@@ -236,11 +202,8 @@ def _with_noise(blocks: Sequence[Block]) -> tuple[Block, ...]:
     for block in blocks:
         range_of[block.unit] = max(range_of.get(block.unit, 0.0), float(np.ptp(block.y)))
     return tuple(
-        block if block.stated else dataclasses.replace(
-            block, σ=np.full(len(block.y), assumed * (range_of[block.unit] or 1.0))
-        )
-        for block in blocks
-    )  # fmt: skip
+        block if block.stated else block.with_deviation(assumed * (range_of[block.unit] or 1.0)) for block in blocks
+    )
 
 
 def exact(scene: Scene, tolerance: float) -> Scene:
@@ -281,3 +244,92 @@ def at_times(t: Array, samples: Array, times: Array) -> Array:
     if len(times) <= len(t) and np.allclose(t[: len(times)], times, rtol=0, atol=1e-9 * max(float(times[-1]), 1e-3)):
         return np.asarray(samples[: len(times)])
     return np.asarray(scipy.interpolate.CubicSpline(t, samples)(np.clip(times, t[0], t[-1])))
+
+
+# Single measurements and responses at rest.
+
+
+def tapped(problem: FitProblem, part: FitModes, number: int) -> Source:
+    """Source of measured natural frequencies and damping ratios."""
+    name = f"modes {number}"
+    indices = np.array(part.numbers or range(1, len(part.hertz) + 1)) - 1
+    σ = np.broadcast_to(np.array(part.deviation), len(part.hertz)).astype(float)
+    blocks = [Block("frequency [Hz]", np.array(part.hertz), σ, True)]
+    if part.ratios:
+        ratios = np.array(part.ratios)
+        blocks.append(Block("damping ratio [1]", ratios, np.full(len(ratios), part.ratio_deviation), True))
+
+    def of(scene: Scene) -> list[Array]:
+        chain, rest, load = at_rest(scene)
+        held = chain.active.tolist() if part.locked is None else list(part.locked)
+        found = modes(chain, rest.q, **load, locked=held)
+        elastic = np.flatnonzero(np.array(found.kinds) == "elastic")
+        if len(elastic) <= indices.max():
+            raise ArgumentError(
+                f"{name}: mode {indices.max() + 1} was measured; the model has only {len(elastic)} elastic modes",
+                id="unknown-mode",
+            )
+        which = elastic[indices]
+        return [found.hertz[which], found.damping_ratios[which]][: len(blocks)]
+
+    scene = problem.scene.varied(part.set) if part.set else problem.scene
+    return Source(name, part.use, scene, tuple(blocks), at_rest=of)
+
+
+def sagged(problem: FitProblem, part: FitStatic, number: int) -> Source:
+    """Source of one measured coordinate of the tip at rest, or of the change of this coordinate between two states."""
+
+    def tip(scene: Scene) -> float:
+        chain, rest, _ = at_rest(scene)
+        return float(tip_position(chain, rest.q)["xyz".index(part.axis)])
+
+    def of(scene: Scene) -> list[Array]:
+        before = 0.0 if part.before is None else tip(scene.varied(part.before))
+        return [np.array([tip(scene) - before])]
+
+    scene = problem.scene.varied(part.set) if part.set else problem.scene
+    block = Block(f"tip {part.axis} [m]", np.array([part.value]), np.array([part.deviation]), True)
+    return Source(f"static {number}", part.use, scene, (block,), at_rest=of)
+
+
+def responded(problem: FitProblem, part: FitFrf, number: int) -> Source:
+    """Source of a measured frequency response: its real part and its imaginary part."""
+    coarse = 0.1  # standard deviation of a logarithm in the first search, which the whole curve then determines
+    name, scene = f"frf {number}", problem.scene.varied(part.set) if part.set else problem.scene
+    found = measured_response(scene, part, name)
+
+    def parts(scene: Scene) -> list[Array]:
+        H = predicted(scene, found.input, found.output, found.f)
+        return [H.real.copy(), H.imag.copy()]
+
+    def log_size(scene: Scene) -> list[Array]:
+        return [np.log(_not_zero(np.abs(predicted(scene, found.input, found.output, found.f))))]
+
+    magnitude = _not_zero(np.abs(found.H))
+    size = Block(f"ln {found.name}", np.log(magnitude), np.maximum(found.σ / magnitude, coarse), True)
+    rough = Source(name, part.use, scene, (size,), at_rest=log_size, response=found)
+    real = Block(f"Re {found.name}", found.H.real.copy(), found.σ, True)
+    imaginary = Block(f"Im {found.name}", found.H.imag.copy(), found.σ, True)
+    return Source(name, part.use, scene, (real, imaginary), at_rest=parts, response=found, rough=rough)
+
+
+def _not_zero(size: Array) -> Array:
+    """Magnitudes with zeros, whose logarithm is infinite, replaced by a small part of the largest one."""
+    least = 1e-12
+    return np.asarray(np.maximum(size, least * (size.max() or 1.0)))
+
+
+def sources_of(problem: FitProblem, use: Use) -> list[Source]:
+    """All sources with one use, "fit" or "check"."""
+    found: list[Source] = []
+    for run in problem.run:
+        if run.use == use:
+            try:
+                found.append(recorded(problem, run))
+            except (DataFileError, SceneError) as error:
+                text = str(error)
+                raise type(error)(text if text.startswith("run ") else f"run {run.name!r}: {text}") from None
+    found += [tapped(problem, one, k) for k, one in enumerate(problem.modes, 1) if one.use == use]
+    found += [sagged(problem, one, k) for k, one in enumerate(problem.static, 1) if one.use == use]
+    found += [responded(problem, one, k) for k, one in enumerate(problem.frf, 1) if one.use == use]
+    return found

@@ -3,33 +3,29 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 
 from flexlink.common.errors import FlexlinkError
-from flexlink.common.types import Array
+from flexlink.common.types import Array, Complex
 from flexlink.common.wording import plural
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.vibration.steady import modes_at_rest
-from flexlink.identification.block import GAP, UNEVEN, Block, noise_in, outliers_in
-from flexlink.identification.checked_page import padded
+from flexlink.identification.block import GAP, UNEVEN, Block, noise_in, outliers_in, unit_in
 from flexlink.identification.coordinates import coordinates_of, guess_of, run_coordinates
-from flexlink.identification.data import Source
-from flexlink.identification.frequency_response import at_rest
+from flexlink.identification.data import Source, sources_of
+from flexlink.identification.fitted import Fitted
+from flexlink.identification.frequency_response import Response, at_rest, measured_response
 from flexlink.identification.likelihood import Row, likelihood
 from flexlink.identification.problem import FitProblem
-from flexlink.identification.response_page import Compared, pictures
-from flexlink.identification.response_page import table as response_table
 from flexlink.identification.signals import Signals
-from flexlink.identification.sources import sources_of
 from flexlink.pages.colours import BLUE, GREY, INK, ORANGE, PALE, VERMILION
 from flexlink.pages.part import Part
-from flexlink.pages.picture import Picture
-from flexlink.pages.style import RC, legend_over, stacked_axes
+from flexlink.pages.picture import Picture, picture_of
+from flexlink.pages.style import stacked_axes
 from flexlink.pages.tables import Table
 
 Chapters = dict[str, tuple[str, str, Part]]
@@ -38,28 +34,16 @@ Chapters = dict[str, tuple[str, str, Part]]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Shown:
-    """A measured column of a run with its prediction at the initial guess.
+    """A measured column of a run with its prediction at the initial guess."""
 
-    Attributes
-    ----------
-    source, block
-        The run and the column.
-    predicted
-        Prediction at the times of the samples, with optimal gain and bias if these are unknown, shape (n,).
-    gaps
-        First and last times of the gaps in the samples, shape (gaps, 2).
-    uneven
-        Times of samples that follow the one before at another interval than usual, without gaps.
-    outliers
-        Whether each sample is an outlier, shape (n,).
-    """
-
+    # source, block: the run and the column
     source: Source
     block: Block
+    # prediction at the times of the samples, with optimal gain and bias if these are unknown, shape (n,)
     predicted: Array
-    gaps: Array
-    uneven: Array
-    outliers: np.ndarray
+    gaps: Array  # first and last times of the gaps in the samples, shape (gaps, 2)
+    uneven: Array  # times of samples that follow the one before at another interval than usual, without gaps
+    outliers: np.ndarray  # numbers of the samples that are outliers
 
     @property
     def t(self) -> Array:
@@ -73,13 +57,7 @@ class Shown:
 
 
 def chapters_of_data(problem: FitProblem) -> Chapters:
-    """Chapters "Data" and "Spectra" for the data of a problem, with predictions at the initial guess.
-
-    Raises
-    ------
-    FlexlinkError
-        As in `check_fit`.
-    """
+    """Chapters "Data" and "Spectra" for the data of a problem, with predictions at the initial guess."""
     predicted = [*_predicted(problem)]
     shown = [_shown(source, row) for source, rows in predicted if source.is_run for row in rows]
     single = [(source, rows) for source, rows in predicted if not source.is_run]
@@ -87,13 +65,12 @@ def chapters_of_data(problem: FitProblem) -> Chapters:
         Compared(source.name, source.use, source.response, {"before": rows[0].y + 1j * rows[1].y})
         for source, rows in single if source.response is not None
     ]  # fmt: skip
-    with mpl.rc_context(RC):
-        found = {"data": ("Measured and predicted at the initial guess", "Data", _data(shown, single))}
-        if responses:
-            part = Part(pictures=pictures(responses), tables=(response_table(responses),))
-            found["responses"] = ("Frequency responses", "Responses", part)
-        if shown:
-            found["spectra"] = ("Spectra", "Spectra", _spectra(problem, shown))
+    found = {"data": ("Measured and predicted at the initial guess", "Data", _data(shown, single))}
+    if responses:
+        part = Part(pictures=pictures(responses), tables=(response_table(responses),))
+        found["responses"] = ("Frequency responses", "Responses", part)
+    if shown:
+        found["spectra"] = ("Spectra", "Spectra", _spectra(problem, shown))
     return found
 
 
@@ -114,7 +91,8 @@ def _shown(source: Source, row: Row) -> Shown:
     wide = between > (1 + GAP) * usual
     other = ~wide & (np.abs(between - usual) > UNEVEN * usual)
     gaps = np.column_stack([t[:-1][wide], t[1:][wide]])
-    return Shown(source, block, predicted, gaps, t[1:][other], outliers_in(t, block.y, predicted))
+    outliers = np.flatnonzero(outliers_in(t, block.y, predicted))
+    return Shown(source, block, predicted, gaps, t[1:][other], outliers)
 
 
 def _data(shown: Sequence[Shown], single: Sequence[tuple[Source, list[Row]]]) -> Part:
@@ -122,7 +100,7 @@ def _data(shown: Sequence[Shown], single: Sequence[tuple[Source, list[Row]]]) ->
              "noise from", "RMS residual at the initial guess")  # fmt: skip
     lines = tuple(
         (one.source.name, one.block.name, one.source.use, len(one.t), 1 / float(np.median(np.diff(one.t))),
-         len(one.gaps), len(one.uneven), int(one.outliers.sum()), *_noise(one.block),
+         len(one.gaps), len(one.uneven), len(one.outliers), *_noise(one.block),
          float(np.sqrt(np.mean((one.predicted - one.block.y) ** 2))))
         for one in shown
     )  # fmt: skip
@@ -141,9 +119,7 @@ def _in_words(shown: Sequence[Shown]) -> tuple[str, ...]:
     kinds = {"gap": "gaps", "uneven interval": "uneven", "outlier": "outliers"}
     found = []
     for kind, name in kinds.items():
-        counts = [(one.title, int(np.count_nonzero(getattr(one, name)) if name == "outliers" else
-                                  len(getattr(one, name)))) for one in shown]  # fmt: skip
-        several = [f"{title} ({count})" for title, count in counts if count]
+        several = [f"{one.title} ({len(getattr(one, name))})" for one in shown if len(getattr(one, name))]
         found.append(f"{kind.capitalize()}s: {', '.join(several)}." if several else f"No {kind}s.")
     marks = (
         "Pale areas are gaps, orange ticks below are samples at uneven intervals, and circles are outliers: they are "
@@ -189,7 +165,7 @@ def _groups(shown: Sequence[Shown]) -> Iterator[Sequence[Shown]]:
 
 
 def _picture(name: str, title: str, caption: str, shown: Sequence[Shown], *, residual: bool) -> Picture:
-    figure, axes = stacked_axes(len(shown), 2.2, share=True)
+    _, axes = stacked_axes(len(shown), 2.2)
     columns: dict[str, Array] = {}
     for panel, one in zip(axes, shown, strict=True):
         values = {"residual": one.predicted - one.block.y} if residual else {
@@ -203,10 +179,8 @@ def _picture(name: str, title: str, caption: str, shown: Sequence[Shown], *, res
         panel.set_title(f"{one.source.name} ({one.source.use})", loc="left")
         columns[f"t [s] of {one.block.name}"] = one.t
         columns |= {f"{label} {one.block.name}": y for label, y in values.items()}
-        columns[f"outlier in {one.block.name}"] = one.outliers.astype(float)
-    axes[-1].set_xlabel("time [s]")
-    legend_over(axes[0], figure=figure)
-    return Picture(name, f"{title}, {shown[0].source.name}", figure, caption, padded(columns))
+        columns[f"outlier in {one.block.name}"] = np.isin(np.arange(len(one.t)), one.outliers).astype(float)
+    return picture_of(name, f"{title}, {shown[0].source.name}", caption, axes, "time [s]", columns)
 
 
 def _look(label: str, samples: int) -> dict[str, Any]:
@@ -231,7 +205,7 @@ def _mark(panel: Axes, one: Shown, y: Array) -> None:
     if len(one.uneven):
         low = np.zeros(len(one.uneven))
         panel.plot(one.uneven, low, "|", color=ORANGE, markersize=7, transform=panel.get_xaxis_transform())
-    if one.outliers.any():
+    if len(one.outliers):
         panel.plot(one.t[one.outliers], y[one.outliers], "o", color=VERMILION, markerfacecolor="none", label="outlier")
 
 
@@ -263,7 +237,7 @@ def _resampled(shown: Sequence[Shown]) -> tuple[str, ...]:
 
 
 def _spectrum_picture(number: int, shown: Sequence[Shown], hertz: Sequence[float]) -> Picture:
-    figure, axes = stacked_axes(len(shown), 2.2, share=True)
+    _, axes = stacked_axes(len(shown), 2.2)
     columns: dict[str, Array] = {}
     for panel, one in zip(axes, shown, strict=True):
         columns[f"f of {one.block.name} [Hz]"] = amplitudes(one.t, one.block.y)[0]
@@ -278,11 +252,9 @@ def _spectrum_picture(number: int, shown: Sequence[Shown], hertz: Sequence[float
             panel.axvline(mode, color=VERMILION, linewidth=0.9, linestyle="--")
         panel.set_ylabel(one.block.name)
         panel.set_title(f"{one.source.name} ({one.source.use})", loc="left")
-    axes[-1].set_xlabel("frequency [Hz]")
-    legend_over(axes[0], figure=figure)
     caption = "Amplitudes of measured and predicted columns, Hann window; dashed: modes at the initial guess."
     title = f"Spectra, {shown[0].source.name}"
-    return Picture(f"spectra_{number}", title, figure, caption, padded(columns))
+    return picture_of(f"spectra_{number}", title, caption, axes, "frequency [Hz]", columns)
 
 
 def amplitudes(t: Array, y: Array) -> tuple[Array, Array]:
@@ -308,3 +280,77 @@ def _modes(scene: Scene) -> list[tuple[float, float]]:
         return []
     elastic = np.flatnonzero(np.array(found.kinds) == "elastic")[:most]
     return [(float(found.hertz[k]), float(found.damping_ratios[k])) for k in elastic]
+
+
+# Measured and predicted frequency responses, of checks and of fits.
+
+
+class Compared(NamedTuple):
+    """A measured response, and predictions by name: "before" and "fitted"."""
+
+    name: str
+    use: str
+    measured: Response
+    predicted: Mapping[str, Complex]
+
+
+def compared(fitted: Fitted) -> list[Compared]:
+    """The frequency responses of a fit, measured, before and after."""
+    found = []
+    for number, part in enumerate(fitted.problem.frf, 1):
+        name, scene = f"frf {number}", fitted.problem.scene.varied(part.set)
+        real, imaginary = (one for one in fitted.columns if one.source == name)
+        predicted = {"before": real.before + 1j * imaginary.before, "fitted": real.after + 1j * imaginary.after}
+        found.append(Compared(name, part.use, measured_response(scene, part, name), predicted))
+    return found
+
+
+def pictures(responses: Sequence[Compared]) -> tuple[Picture, ...]:
+    """One picture for each response: magnitude, phase, and coherence if it is known."""
+    return tuple(_response_picture(one) for one in responses)
+
+
+def _response_picture(one: Compared) -> Picture:
+    looks: dict[str, dict[str, Any]] = {
+        "measured": {"color": GREY, "linestyle": "", "marker": ".", "markersize": 4}, "fitted": {"color": BLUE},
+        "before": {"color": VERMILION, "linewidth": 0.8},
+    }  # fmt: skip
+    f, known = one.measured.f, bool(np.isfinite(one.measured.coherence).any())
+    _, axes = stacked_axes(2 + known, 2.2)
+    columns = {"f [Hz]": f}
+    for label, H in {"measured": one.measured.H, **one.predicted}.items():
+        size, phase = np.abs(H), np.degrees(np.angle(H))
+        axes[0].loglog(f, np.where(size > 0, size, np.nan), label=label, **looks[label])
+        axes[1].semilogx(f, _without_jumps(phase) if label != "measured" else phase, **looks[label])
+        columns |= {f"{label} {one.measured.name}": size, f"{label} phase [deg]": phase}
+    axes[0].set_ylabel(unit_in(one.measured.name))
+    axes[0].set_title(f"{one.name} ({one.use}): {one.measured.name.rpartition(' [')[0]}", loc="left")
+    axes[1].set_ylabel("phase [deg]")
+    axes[1].set_yticks([-180, -90, 0, 90, 180])
+    columns["standard deviation"] = one.measured.σ
+    if known:
+        axes[2].semilogx(f, one.measured.coherence, color=INK, linewidth=0.9)
+        axes[2].set_ylabel("coherence")
+        axes[2].set_ylim(0, 1.05)
+        columns["coherence"] = one.measured.coherence
+    names = ", ".join(("measured", *one.predicted))
+    caption = f"Magnitude and phase: {names}{'; coherence of the measurement' if known else ''}."
+    return picture_of(one.name.replace(" ", "_"), "Frequency response", caption, axes, "frequency [Hz]", columns)
+
+
+def _without_jumps(phase: Array) -> Array:
+    """Phase [deg] with nan where it jumps by a turn, so that no line is drawn there."""
+    return np.where(np.abs(np.diff(phase, append=phase[-1])) > 180, np.nan, phase)
+
+
+def response_table(responses: Sequence[Compared]) -> Table:
+    """RMS residuals of all responses, in their unit and in standard deviations."""
+    heads = ("source", "response", "use", "frequencies", "from [Hz]", "to [Hz]", "prediction", "RMS residual",
+             "RMS residual in standard deviations")  # fmt: skip
+    lines = tuple(
+        (one.name, one.measured.name, one.use, len(one.measured.f), float(one.measured.f[0]),
+         float(one.measured.f[-1]), label, float(np.sqrt(np.mean(np.abs(H - one.measured.H) ** 2))),
+         float(np.sqrt(np.mean(np.abs(H - one.measured.H) ** 2 / (2 * one.measured.σ**2)))))
+        for one in responses for label, H in one.predicted.items()
+    )  # fmt: skip
+    return Table("responses", "Frequency responses", heads, lines)

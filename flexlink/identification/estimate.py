@@ -39,7 +39,7 @@ class Estimate:
     u_num
         Error due to the number of segments, which the interval and the deviation contain.
     u_input
-        Error due to noise and filter of recorded motions that are prescribed, also contained.
+        Error due to noise and filter of recorded motions, also contained.
     statistical
         Half the width of the interval without these two errors; infinite if none was estimated.
     """
@@ -86,20 +86,13 @@ class Estimate:
             (not math.isfinite(self.half), Diagnostic("the interval is unbounded", "unbounded-interval")),
             (self.at_bound, Diagnostic("the estimate is at a bound", "estimate-at-bound")),
             (self.low <= low or self.high >= high, Diagnostic("the interval reaches a bound", "interval-at-bound")),
-            (
-                self.log and self.high > widest * self.low,
-                Diagnostic(f"the interval spans more than a factor of {widest:g}", "wide-interval"),
-            ),
-            (
-                self.u_num > self.statistical,
-                Diagnostic("its grid error exceeds half its 95 % interval", "grid-error"),
-            ),
-            (
-                self.u_input > self.statistical,
-                Diagnostic("its input error exceeds half its 95 % interval", "input-error"),
-            ),
+            (self.log and self.high > widest * self.low,
+             Diagnostic(f"the interval spans more than a factor of {widest:g}", "wide-interval")),
+            (self.u_num > self.statistical, Diagnostic("its grid error exceeds half its 95 % interval", "grid-error")),
+            (self.u_input > self.statistical,
+             Diagnostic("its input error exceeds half its 95 % interval", "input-error")),
             (by_prior, Diagnostic("its prior determines the estimate more than the data do", "prior-dominated")),
-        )
+        )  # fmt: skip
         return next((doubt for applies, doubt in doubts if applies), None)
 
     @property

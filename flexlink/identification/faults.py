@@ -34,58 +34,38 @@ With AR models from the same samples it is several times larger: with a level of
 
 
 class Fault(NamedTuple):
-    """A fault of one column, or of the times of a run.
+    """A fault of one column, or of the times of a run."""
 
-    Attributes
-    ----------
-    kind
-        delay, clock, start, bias, gain or drift.
-    run, column, unit
-        The run; its column, and unit of the column; "" for all columns.
-    effect
-        Derivative of all residuals with respect to the size of the fault, shape (samples of all blocks,).
-    size, deviation
-        Estimated size, and its standard deviation.
-    """
-
-    kind: str
+    kind: str  # delay, clock, start, bias, gain or drift
+    # run, column, unit: the run; its column, and unit of the column; "" for all columns
     run: str
     column: str
     unit: str
-    effect: Array
+    effect: Array  # derivative of all residuals with respect to the size of the fault, shape (samples of all blocks,)
+    # size, deviation: estimated size, and its standard deviation
     size: float = 0.0
     deviation: float = 0.0
 
     @property
     def text(self) -> Diagnostic:
         """What the data suggest, and the key of the run that estimates it."""
+        size, wide, unit = self.size, f"{1.96 * self.deviation:.1g}", f" {self.unit}" * (self.unit != "1")
+        ms, key = f"{1e3 * abs(size):.2g} ± {1.96e3 * self.deviation:.1g} ms", f"{self.kind} = [{self.column!r}]"
+        rate = f"{100 * abs(size):.2g} ± {196 * self.deviation:.1g} % {'fast' if size > 0 else 'slow'}"
         better = f"{self.run}{f': {self.column}' * bool(self.column)} is better explained"
-        return self._of_times(better) if self.kind in ("delay", "start", "clock") else self._of_values(better)
-
-    def _of_times(self, better: str) -> Diagnostic:
-        ms = f"{1e3 * abs(self.size):.2g} ± {1.96e3 * self.deviation:.1g} ms"
-        if self.kind == "delay":
-            when = "late" if self.size > 0 else "early"
-            return Diagnostic(f"{better} {ms} {when}: delay = [{self.column!r}]", "likely-delay")
-        if self.kind == "start":
-            when = "later" if self.size > 0 else "earlier"
-            return Diagnostic(f"{better} if the scene starts {ms} {when}: start = 'unknown'", "likely-start")
-        rate = f"{100 * abs(self.size):.2g} ± {196 * self.deviation:.1g} % {'fast' if self.size > 0 else 'slow'}"
-        return Diagnostic(f"{better} by a clock that runs {rate}: clock = true", "likely-clock")
-
-    def _of_values(self, better: str) -> Diagnostic:
-        wide, unit = f"{1.96 * self.deviation:.1g}", f" {self.unit}" if self.unit != "1" else ""
-        if self.kind == "bias":
-            return Diagnostic(
-                f"{better} with a bias of {self.size:.2g} ± {wide}{unit}: bias = [{self.column!r}]", "likely-bias"
-            )
-        if self.kind == "drift":
-            rate = f"{self.size:.2g} ± {wide}{unit}/s"
-            return Diagnostic(f"{better} with a drift of {rate}: drift = [{self.column!r}]", "likely-drift")
-        if self.size < -1:
-            return Diagnostic(f"{better} with the opposite sign: reverse it", "likely-sign")
-        gain = f"{1 + self.size:.3g} ± {wide}"
-        return Diagnostic(f"{better} with a gain of {gain}: gain = [{self.column!r}]", "likely-gain")
+        found = {
+            "delay": Diagnostic(f"{better} {ms} {'late' if size > 0 else 'early'}: {key}", "likely-delay"),
+            "start": Diagnostic(
+                f"{better} if the scene starts {ms} {'later' if size > 0 else 'earlier'}: start = 'unknown'",
+                "likely-start",
+            ),
+            "clock": Diagnostic(f"{better} by a clock that runs {rate}: clock = true", "likely-clock"),
+            "bias": Diagnostic(f"{better} with a bias of {size:.2g} ± {wide}{unit}: {key}", "likely-bias"),
+            "drift": Diagnostic(f"{better} with a drift of {size:.2g} ± {wide}{unit}/s: {key}", "likely-drift"),
+            "gain": Diagnostic(f"{better} with a gain of {1 + size:.3g} ± {wide}: {key}", "likely-gain"),
+            "sign": Diagnostic(f"{better} with the opposite sign: reverse it", "likely-sign"),
+        }
+        return found["sign" if self.kind == "gain" and size < -1 else self.kind]
 
 
 def faults(search: Search, found: Found) -> list[Fault]:
@@ -114,21 +94,15 @@ def faults(search: Search, found: Found) -> list[Fault]:
 def warnings_of_faults(search: Search, found: Found) -> tuple[Diagnostic, ...]:
     """Warnings about faults of the instruments and clocks, and about outliers; or about tests that could not be run."""
     try:
-        return _warnings(search, found)
+        named, far = faults(search, found), outliers(search, found)
+        runs = [source.name for source in search.signals.sources if source.is_run and (named or far)]
+        refitted = filter(None, [with_timing(search, found, run) for run in runs])
+        best = min(refitted, key=lambda one: one[2].cost, default=None)
+        if best is not None:
+            fault, search, found = best
+            named, far = [fault, *faults(search, found)], outliers(search, found)
     except FlexlinkError as error:
         return (Diagnostic(f"instruments and clocks not tested: {error}", "faults-untested"),)
-
-
-def _warnings(search: Search, found: Found) -> tuple[Diagnostic, ...]:
-    named = faults(search, found)
-    far = outliers(search, found)
-    if not named and not far:
-        return ()
-    refitted = [with_timing(search, found, source.name) for source in search.signals.sources if source.is_run]
-    of_times = [one for one in refitted if one is not None]
-    if of_times:
-        fault, search, found = min(of_times, key=lambda one: one[2].cost)
-        named, far = [fault, *faults(search, found)], outliers(search, found)
     return (*far, *(one.text for one in named))
 
 
@@ -212,15 +186,16 @@ def _candidates(at: Likelihood) -> Iterator[Fault]:
             block, values = row.block, row.y
             t, here = np.asarray(block.t), slice(begun, begun + len(block.y))
             begun += len(block.y)
+            around = here.start, count - here.stop
             late[:, here] = _secants(t, values, [(d, t - d) for d in LATE]) * row.gain / block.σ
             rate[:, here] = _secants(t, values, [(c, begin + (t - begin) / (1 + c)) for c in FAST]) * row.gain / block.σ
             of_value = {"bias": np.ones(len(t)), "gain": row.gain * values, "drift": t - t.mean()}
             for kind, effect in of_value.items():
                 if not getattr(block, kind):
-                    yield Fault(kind, source.name, block.name, block.unit, _placed(effect / block.σ, here, count))
+                    yield Fault(kind, source.name, block.name, block.unit, np.pad(effect / block.σ, around))
             if ("delay", source.name, head_of(block.name)[0]) not in known:
                 for effect in late:
-                    yield Fault("delay", source.name, block.name, block.unit, _placed(effect[here], here, count))
+                    yield Fault("delay", source.name, block.name, block.unit, np.pad(effect[here], around))
         for kind, effects in (("start", late if len(part) > 1 else ()), ("clock", rate)):
             for effect in effects if (kind, source.name, "") not in known else ():
                 yield Fault(kind, source.name, "", "", effect.copy())
@@ -249,12 +224,6 @@ def _best_sizes(tried: Sequence[Fault], e: Array, J: Array) -> list[Fault]:
         if key not in best or score > best[key][0]:
             best[key] = score, one
     return [one for _, one in best.values()]
-
-
-def _placed(values: Array, here: slice, count: int) -> Array:
-    whole = np.zeros(count)
-    whole[here] = values
-    return whole
 
 
 def _whitened(e: Array, J: Array, S: Array, lengths: Sequence[int]) -> tuple[Array, Array, Array]:

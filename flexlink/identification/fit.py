@@ -1,16 +1,9 @@
-"""fit(problem) and check_fit(problem): identifiability, the search, and intervals of the estimates.
-
-    half-width = k √(σ² + u_num² + u_input²)        as in ASME V&V 20-2009, section 1
-
-u_num and u_input are errors that more data do not reduce: of the grid, and of recorded motions.
-"""
+"""fit(problem) and check_fit(problem): identifiability, the search, and intervals of the estimates."""
 
 from __future__ import annotations
 
-import dataclasses
-import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, get_args
+from typing import get_args
 
 import numpy as np
 from msgspec.structs import replace
@@ -18,37 +11,32 @@ from msgspec.structs import replace
 from flexlink.chain.arguments import integer, require_callable, require_one_of, require_type
 from flexlink.common.errors import Diagnostic, FlexlinkError, IdentifiabilityError
 from flexlink.common.types import Array
-from flexlink.describe.link import Link
-from flexlink.describe.scene import Scene
-from flexlink.describe.schemes.lumping_rules import lumping_rule
-from flexlink.describe.sensor import Sensor, column_names
 from flexlink.describe.variants import refined, segments_in_words
 from flexlink.identification.block import Block, with_noise_of_data
 from flexlink.identification.columns import columns_of
 from flexlink.identification.coordinates import Coordinate, coordinates_of, guess_of
-from flexlink.identification.data import Source
+from flexlink.identification.data import sources_of
 from flexlink.identification.estimate import Estimate
 from flexlink.identification.faults import mixups, warnings_of_faults
 from flexlink.identification.fitted import Fitted
-from flexlink.identification.grid import (
-    RICHARDSON,
-    Grid,
-    GridError,
-    bends,
-    factor_needed,
-    grid_ahead,
-    grid_error,
-    warnings_of_grid,
-)
 from flexlink.identification.identifiability import Check, checked
-from flexlink.identification.inputs import InputError, gauss_newton, input_error, warnings_of_inputs
 from flexlink.identification.interval import Rise, estimates, profiled, spread_at, widened, without_ends
-from flexlink.identification.likelihood import Likelihood, in_two_steps, information_of
+from flexlink.identification.likelihood import in_two_steps, information_of
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.remarks import hertz_in_rad_per_s, notes, ranges_apart, warnings, with_reasons
 from flexlink.identification.signals import Signals
 from flexlink.identification.solve import Bar, Found, Search, start_points, watch_with
-from flexlink.identification.sources import sources_of
+from flexlink.identification.systematic import (
+    Grid,
+    Systematic,
+    bends,
+    covariance_of,
+    factor_needed,
+    grid_ahead,
+    systematic_errors,
+    warnings_of_inputs,
+    within_bounds,
+)
 
 
 def check_fit(problem: FitProblem) -> Check:
@@ -166,18 +154,12 @@ def fit(
 def _fit(
     problem: FitProblem, starts: int, *, profile: bool, grid: Grid, report: Callable[[str], None], bar: Bar | None
 ) -> Fitted:
-    coordinates, sources, checks = (
-        coordinates_of(problem),
-        sources_of(problem, "fit"),
-        sources_of(problem, "check"),
-    )
+    coordinates, sources, checks = coordinates_of(problem), sources_of(problem, "fit"), sources_of(problem, "check")
     signals = Signals(sources, coordinates)
     watch = watch_with(bar, starts + 2 * len(coordinates) * profile)
     search = Search(signals, problem.loss, coloured=problem.noise == "coloured", watch=watch)
-    start = guess_of(coordinates)
-    check = _check(
-        signals, start, [with_noise_of_data(source.blocks) for source in sources], notes([*sources, *checks])
-    )
+    start, blocks = guess_of(coordinates), [with_noise_of_data(source.blocks) for source in sources]
+    check = _check(signals, start, blocks, notes([*sources, *checks]))
     if not check.passed:
         raise IdentifiabilityError("; also ".join(one.text for one in check.lost), check)
     report("identifiability at the initial guess: passed")
@@ -191,9 +173,9 @@ def _fit(
     if not after.passed:
         numbers = tuple(map(without_ends, numbers))
     else:
-        of_scene, others = numbers[: len(coordinates)], numbers[len(coordinates) :]
-        rise = Rise(search, best, at)
-        numbers = (*widened(rise, profiled(rise, of_scene, report) if profile else of_scene), *others)
+        of_scene, rise = numbers[: len(coordinates)], Rise(search, best, at)
+        of_scene = tuple(profiled(rise, of_scene, report)) if profile else of_scene
+        numbers = (*widened(rise, of_scene), *numbers[len(coordinates) :])
         errors = systematic_errors(search, best, at, problem, grid, report)
         numbers = errors.added(numbers, coordinates, best.x, spread.wide)
     numbers = tuple(map(within_bounds, numbers))
@@ -203,7 +185,7 @@ def _fit(
     found_warnings = at_start + warnings(numbers, coordinates, after, found, columns, [*sources, *checks])
     found_warnings += errors.warnings(problem.scene, numbers)
     if not warnings_of_inputs(numbers, errors.inputs):  # an error of the input resembles faults of the instruments
-        found_warnings += warnings_of_faults(*(errors.grid.refined or (search, best)))
+        found_warnings += warnings_of_faults(*(errors.refined or (search, best)))
     covariance = covariance_of(coordinates, best.x, spread.covariance, errors.shifts)
     return Fitted(
         problem, problem.scene.varied(changes), numbers, spread.correlation, after, columns,
@@ -216,11 +198,6 @@ def quick_estimates(problem: FitProblem, worth: float) -> tuple[Estimate, ...]:
 
     Return an empty tuple if the model, linearized at the initial guess, explains no more than the fraction `worth` of
     the sum of squares.
-
-    Raises
-    ------
-    DataFileError, SceneError
-        As in `check_fit`.
     """
     coordinates, sources = coordinates_of(problem), sources_of(problem, "fit")
     search, x = Search(Signals(sources, coordinates), problem.loss), guess_of(coordinates)
@@ -269,156 +246,3 @@ def _check(
         return check
     errors, more = grid_ahead(at, check, tolerance)
     return check._replace(grid=errors, notes=(*check.notes, *more))
-
-
-class Systematic(NamedTuple):
-    """Grid error, and error of recorded motions; None if there is none.
-
-    The grid error has a second part: changes of the coordinates by inner gyroscopes.
-    """
-
-    grid: GridError = GridError(np.empty(0))
-    inputs: InputError | None = None
-    gyroscopes: tuple[Array, ...] = ()
-
-    def added(
-        self, numbers: Sequence[Estimate], coordinates: Sequence[Coordinate], x: Array, wide: float
-    ) -> tuple[Estimate, ...]:
-        """The estimates, with these errors in their intervals; `wide` is the half-width of one over its deviation."""
-        found = with_error(numbers, coordinates, x, self.u_num, wide, "u_num")
-        if self.inputs is not None:
-            found = with_error(found, coordinates, x, self.inputs.errors, wide, "u_input")
-        return found
-
-    @property
-    def u_num(self) -> Array:
-        """Error of the coordinates, gains, biases and drifts by the number of segments."""
-        errors = self.grid.errors
-        return np.sqrt(errors**2 + sum(np.pad(one, (0, len(errors) - len(one))) ** 2 for one in self.gyroscopes))
-
-    @property
-    def shifts(self) -> list[Array]:
-        """Changes of the search coordinates, whose outer products add to their covariance."""
-        return [
-            RICHARDSON * self.grid.change,
-            *self.gyroscopes,
-            *(self.inputs.changes if self.inputs is not None else ()),
-        ]
-
-    def warnings(self, scene: Scene, numbers: Sequence[Estimate]) -> tuple[Diagnostic, ...]:
-        """Warnings about errors that exceed half of an interval, or that are unknown."""
-        return (*warnings_of_grid(scene, numbers, self.grid), *warnings_of_inputs(numbers, self.inputs))
-
-
-def systematic_errors(
-    search: Search, best: Found, at: Likelihood, problem: FitProblem, grid: Grid, report: Callable[[str], None]
-) -> Systematic:
-    """Errors at a solution with this likelihood."""
-    coarse, gyroscopes = GridError(np.empty(0)), list[Array]()
-    if grid != "ignore" and bends(problem.scene):
-        report("grid error: fitting a model with twice the hinges")
-        coarse = grid_error(search, best, at, problem.tolerance)
-        try:
-            gyroscopes = errors_of_inner_gyroscopes(search, best) if coarse.doubt is None else []
-        except FlexlinkError as error:
-            unknown = Diagnostic(f"grid error of gyroscopes not estimated: {error}", "grid-error-unknown")
-            coarse = coarse._replace(doubt=unknown)
-    return Systematic(coarse, input_error(search, best, problem), tuple(gyroscopes))
-
-
-def with_error(
-    numbers: Sequence[Estimate], coordinates: Sequence[Coordinate], x: Array, errors: Array, wide: float, name: str
-) -> tuple[Estimate, ...]:
-    """The estimates with a further error in their intervals, "u_num" or "u_input", in search coordinates.
-
-    `errors` may be shorter than `numbers`; `wide` is the half-width of an interval over its deviation.
-    """
-    found = list(numbers)
-    for k, (one, u) in enumerate(zip(numbers, errors.tolist(), strict=False)):
-        by = coordinates[k] if k < len(coordinates) else None
-        at = float(x[k]) if by is not None else one.value
-        low, high = (end if by is None else by.x(end) for end in (one.low, one.high))
-        low, high = at - math.hypot(at - low, wide * u), at + math.hypot(high - at, wide * u)
-        size = 1.0 if by is None else by.size(one.value)
-        ends = (low, high) if by is None else (by.value(low), by.value(high))
-        statistical = min(one.half, one.statistical)
-        deviation, of_kind = math.hypot(one.deviation, size * u), {name: size * u}
-        found[k] = dataclasses.replace(
-            one, low=ends[0], high=ends[1], deviation=deviation, statistical=statistical, **of_kind
-        )
-    return tuple(found)
-
-
-def within_bounds(one: Estimate) -> Estimate:
-    """The estimate, with a finite interval clipped to the bounds of the search."""
-    low, high = one.between
-    return dataclasses.replace(one, low=max(one.low, low), high=min(one.high, high)) if np.isfinite(one.half) else one
-
-
-def covariance_of(coordinates: Sequence[Coordinate], x: Array, covariance: Array, shifts: Sequence[Array]) -> Array:
-    """Covariance of the estimates in their units, with common shifts u of the coordinates: C + Σ u uᵀ."""
-    sizes = [one.size(one.value(float(at))) for one, at in zip(coordinates, x, strict=True)]
-    scale = np.append(sizes, np.ones(len(covariance) - len(sizes)))
-    several = [np.pad(u, (0, len(scale) - len(u))) for u in shifts]
-    return np.asarray(scale[:, None] * (covariance + sum(np.outer(u, u) for u in several)) * scale)
-
-
-def errors_of_inner_gyroscopes(search: Search, best: Found) -> list[Array]:
-    """Changes of the coordinates by the error of each inner gyroscope whose column is fitted, shape (p,) each.
-
-    Gyroscopes between the ends of a flexible link read the rotation of their rigid segment, with an error of order h.
-    The rotation of segment i is that of the beam at b_i = Σ w_j over the hinges before it, w_j the weights of the
-    lumping rule; at x = s L it differs by the share (s − b_i) / (b_{i+1} − b_i) of the change to the next segment.
-    Twice the hinges may leave this share of a segment's length as it is, so that refinement alone does not show it.
-
-    Raises
-    ------
-    FlexlinkError
-        The simulation fails.
-    """
-    sources, found = search.signals.sources, []
-    names = {name for source in sources for sensor in _inner(source) for name in [sensor.name]}
-    before = gauss_newton(search, best, sources) if names else np.zeros(len(best.x))
-    for name in sorted(names):
-        moved, share = list(sources), 0.0
-        for k, source in enumerate(sources):
-            for sensor in _inner(source):
-                if sensor.name == name:
-                    x, share = _neighbour(source.scene, sensor)
-                    others = tuple(replace(one, x=x) if one.name == name else one for one in source.scene.sensor)
-                    moved[k] = dataclasses.replace(source, scene=replace(source.scene, sensor=others))
-        found.append(share * (gauss_newton(search, best, moved) - before))
-    return found
-
-
-def _inner(source: Source) -> list[Sensor]:
-    """Gyroscopes between the ends of flexible links, whose columns are compared."""
-    if not source.is_run:
-        return []
-    arm, compared = source.scene.arm, {block.name for block in source.blocks}
-    return [
-        one for one in source.scene.sensor
-        if one.kind == "gyroscope" and one.x is not None and isinstance(one.link, str | int)
-        and compared & {*column_names((one,), arm)} and _bends_at(_link(source.scene, one), one.x)
-    ]  # fmt: skip
-
-
-def _bends_at(link: Link, x: float) -> bool:
-    return link.flex != "rigid" and 0 < x < link.beam.length * (1 - 1e-9)
-
-
-def _link(scene: Scene, sensor: Sensor) -> Link:
-    return scene.arm.links[scene.arm.number(sensor.link) - 1]
-
-
-def _neighbour(scene: Scene, sensor: Sensor) -> tuple[float, float]:
-    """Position in the segment next to a gyroscope, and the share of the change to it that is the gyroscope's error."""
-    link = _link(scene, sensor)
-    assert sensor.x is not None
-    nodes, weights = lumping_rule(link.lumping).hinges(link.segments - 1)
-    s, ends = sensor.x / link.beam.length, np.concatenate([[0.0], nodes, [1.0]])
-    b = np.concatenate([[0.0], np.cumsum(weights)])
-    i = int(np.searchsorted(ends, s, side="right")) - 1
-    other = i + 1 if (s > b[i] and i + 1 < len(b)) or i == 0 else i - 1
-    share = abs(s - b[i]) / abs(b[other] - b[i])
-    return float((ends[other] + ends[other + 1]) / 2 * link.beam.length), float(share)

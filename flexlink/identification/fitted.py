@@ -224,15 +224,9 @@ class Fitted:
         return path
 
 
-def building(page: str = "page") -> ModuleType:
-    """Module that builds pages of fits or of checks; it needs matplotlib and jinja2.
-
-    Raises
-    ------
-    MissingDependencyError
-        matplotlib or jinja2 is not installed.
-    """
-    return builder(f"flexlink.identification.{page}", "page")
+def building() -> ModuleType:
+    """Module that builds pages of fits or of checks; it needs matplotlib and jinja2."""
+    return builder("flexlink.identification.page", "page")
 
 
 def _of_column(one: FittedColumn) -> dict[str, Any]:

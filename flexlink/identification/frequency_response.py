@@ -40,26 +40,13 @@ LEAST = 1e-3
 
 
 class Response(NamedTuple):
-    """A measured frequency response in SI units.
+    """A measured frequency response in SI units."""
 
-    Attributes
-    ----------
-    f
-        Frequencies [Hz], shape (k,).
-    H
-        Response, shape (k,).
-    σ
-        Standard deviation of its real and of its imaginary part, shape (k,).
-    coherence
-        Coherence γ², shape (k,); nan where it is not given.
-    input, output
-        Names of the input and of the output, with SI units.
-    """
-
-    f: Array
-    H: Complex
-    σ: Array
-    coherence: Array
+    f: Array  # frequencies [Hz], shape (k,)
+    H: Complex  # response, shape (k,)
+    σ: Array  # standard deviation of its real and of its imaginary part, shape (k,)
+    coherence: Array  # coherence γ², shape (k,); nan where it is not given
+    # input, output: names of the input and of the output, with SI units
     input: str
     output: str
 
@@ -71,13 +58,7 @@ class Response(NamedTuple):
 
 
 def predicted(scene: Scene, input: str, output: str, hertz: Array) -> Complex:
-    """Response of an output to an input, at rest with the driven joints held at their angles, shape (k,).
-
-    Raises
-    ------
-    FlexlinkError
-        There is no equilibrium, or the response is infinite.
-    """
+    """Response of an output to an input, at rest with the driven joints held at their angles, shape (k,)."""
     model = _model(scene, output)
     H = model.frequency_response(hertz)
     return np.asarray(H[:, model.outputs.index(output), model.inputs.index(input)])
@@ -95,13 +76,7 @@ def _model(scene: Scene, output: str) -> LinearModel:
 
 
 def measured_response(scene: Scene, part: FitFrf, where: str) -> Response:
-    """Read a measured response.
-
-    Raises
-    ------
-    DataFileError
-        The file or its columns, or the names of input and output are wrong.
-    """
+    """Read a measured response."""
     if part.file:
         _, heads, values = read_csv(Path(part.file))
     else:
@@ -127,13 +102,7 @@ def measured_response(scene: Scene, part: FitFrf, where: str) -> Response:
 
 
 def table_of(where: str, columns: Mapping[str, tuple[float, ...]]) -> Array:
-    """Values of columns, shape (rows, columns).
-
-    Raises
-    ------
-    DataFileError
-        The columns have different lengths.
-    """
+    """Values of columns, shape (rows, columns)."""
     lengths = {head: len(column) for head, column in columns.items()}
     if len(set(lengths.values())) != 1:
         raise DataFileError(f"{where}: columns of different lengths: {lengths}", id="one-per-row")
@@ -141,13 +110,7 @@ def table_of(where: str, columns: Mapping[str, tuple[float, ...]]) -> Array:
 
 
 def _columns(where: str, heads: tuple[str, ...], values: Array, unit: str) -> dict[str, Array]:
-    """Columns by quantity, in Hz, radians and the `unit` of the response.
-
-    Raises
-    ------
-    DataFileError
-        A header is unknown, or has another unit; frequencies do not increase.
-    """
+    """Columns by quantity, in Hz, radians and the `unit` of the response."""
     allowed = {
         "f": ("Hz",), "magnitude": ("", unit, "dB"), "phase": ("deg", "rad"), "real": ("", unit),
         "imaginary": ("", unit), "coherence": ("", "1"),
@@ -196,13 +159,7 @@ def _deviation(where: str, part: FitFrf, γ2: Array) -> Array:
 
 
 def at_rest(scene: Scene) -> tuple[Chain, Equilibrium, dict[str, Any]]:
-    """Chain of a scene, its static equilibrium, and the arguments `tip_wrench` and `frame` of its load.
-
-    Raises
-    ------
-    FlexlinkError
-        As in `lump` and `solve_static`.
-    """
+    """Chain of a scene, its static equilibrium, and the arguments `tip_wrench` and `frame` of its load."""
     chain = lump(scene)
     wrench, frame = initial_wrench(scene, chain)
     load: dict[str, Any] = {"tip_wrench": wrench, "frame": frame}

@@ -113,6 +113,21 @@ class Check(NamedTuple):
         return bool(len(self.grid)) and bool((self.grid > WIDE * self.expected[: len(self.grid)]).any())
 
 
+def document(check: Check) -> dict[str, object]:
+    """The check as plain numbers and texts; None replaces non-finite numbers."""
+    return {
+        "passed": check.passed,
+        "expected": {
+            name: float(WIDE * part) if np.isfinite(part) else None
+            for name, part in zip(check.names, check.expected, strict=True)
+        },
+        "grid_errors": dict(zip(check.names, check.grid.tolist(), strict=False)),
+        "singular_values": check.singular_values.tolist(),
+        "directions": [{"id": one.text.id, "text": one.text, "lost": one.lost} for one in check.directions],
+        "notes": [{"id": note.id, "text": note} for note in check.notes],
+    }
+
+
 def checked(J: Array, error: float, names: Sequence[str], notes: Sequence[Diagnostic] = ()) -> Check:
     """Check the Jacobian J of all residuals, shape (data, parameters), with respect to typical large changes.
 

@@ -34,7 +34,6 @@ class Spread(NamedTuple):
 
     covariance: Array
     wide: float
-    colours: list[list[Colour]]
 
     @property
     def deviations(self) -> Array:
@@ -57,13 +56,12 @@ def spread_of(parts: Sequence[Part], priors: Array, coefficients: int = 0) -> Sp
     """
     level = 0.95  # confidence level of the intervals
     bread = meat = priors.T @ priors
-    independent, samples, colours = 0.0, 0, []
+    independent, samples = 0.0, 0
     worse = _worse(parts, bread.shape[0] - len(priors))
     for residuals, slopes, is_run in parts:
         bread = bread + sum(J.T @ J for J in slopes)
         of_part = [colour_of(e) if is_run else Colour(np.ones(1), e) for e in residuals]
         meat = meat + (_meat(residuals, slopes, of_part) if is_run else worse * sum(J.T @ J for J in slopes))
-        colours.append(of_part)
         if is_run:
             independent += sum(len(e) / one.correlation_length for e, one in zip(residuals, of_part, strict=True))
             samples += sum(map(len, residuals))
@@ -76,7 +74,7 @@ def spread_of(parts: Sequence[Part], priors: Array, coefficients: int = 0) -> Sp
     wide = float(scipy.special.stdtrit(freedom, (1 + level) / 2)) if math.isfinite(freedom) else 1.959963984540054
     covariance = inverse @ meat @ inverse
     meat = meat + sum(_absorbed(slopes, covariance) for _, slopes, is_run in parts if is_run)
-    return Spread(inverse @ meat @ inverse, wide, colours)
+    return Spread(inverse @ meat @ inverse, wide)
 
 
 def _worse(parts: Sequence[Part], unknowns: int) -> float:

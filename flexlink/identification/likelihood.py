@@ -27,32 +27,17 @@ from flexlink.motion.slopes_of_runs import CENTRAL_4
 
 
 class Row(NamedTuple):
-    """Residual and Jacobian of a block at one point.
+    """Residual and Jacobian of a block at one point."""
 
-    Attributes
-    ----------
-    block
-        The measurements.
-    y
-        Prediction, shape (n,).
-    residual
-        Residual over the noise, shape (n,).
-    gain, bias, drift
-        Optimal values; 1, 0 and 0 if they are known.
-    slopes
-        ∂residual/∂x with optimal gain, bias and drift, shape (n, coordinates); empty if not requested.
-    whole
-        ∂residual/∂(x, gain, bias, drift) with these as parameters, shape (n, coordinates + 0 to 3).
-    """
-
-    block: Block
-    y: Array
-    residual: Array
+    block: Block  # the measurements
+    y: Array  # prediction, shape (n,)
+    residual: Array  # residual over the noise, shape (n,)
+    # gain, bias, drift: optimal values; 1, 0 and 0 if they are known
     gain: float
     bias: float
     drift: float
-    slopes: Array
-    whole: Array
+    slopes: Array  # ∂residual/∂x with optimal gain, bias and drift, shape (n, coordinates); empty if not requested
+    whole: Array  # ∂residual/∂(x, gain, bias, drift) with these as parameters, shape (n, coordinates + 0 to 3)
 
     @property
     def shown(self) -> Array:
@@ -103,21 +88,13 @@ class Likelihood(NamedTuple):
     """Residuals of priors and data at one point, and their Jacobians; those of the priors come first.
 
     All parameters are the coordinates, then the unknown gains, biases and drifts of every block.
-
-    Attributes
-    ----------
-    coordinates, x
-        Parameters of the scenes, and the point, shape (coordinates,).
-    sources
-        The measurements.
-    rows
-        Residuals and Jacobians of the blocks of every source.
     """
 
+    # coordinates, x: parameters of the scenes, and the point, shape (coordinates,)
     coordinates: Sequence[Coordinate]
     x: Array
-    sources: Sequence[Source]
-    rows: Sequence[Sequence[Row]]
+    sources: Sequence[Source]  # the measurements
+    rows: Sequence[Sequence[Row]]  # residuals and Jacobians of the blocks of every source
 
     @property
     def every(self) -> list[Row]:
@@ -188,13 +165,7 @@ class Likelihood(NamedTuple):
 def likelihood(
     signals: Signals, x: Array, blocks: Sequence[Sequence[Block]], slopes: Slopes | None = None
 ) -> Likelihood:
-    """Likelihood at a point, of blocks with a noise; `slopes` are the Jacobians of the predictions, None without them.
-
-    Raises
-    ------
-    FlexlinkError
-        The simulation fails.
-    """
+    """Likelihood at a point, of blocks with a noise; with Jacobians if `slopes` of the predictions are given."""
     y = signals.model(x)
     J: Sequence[Sequence[Array | None]] = slopes or [[None] * len(part) for part in y]
     rows = [[row_of(*one) for one in zip(*part, strict=True)] for part in zip(blocks, y, J, strict=True)]
@@ -211,17 +182,10 @@ def _large(block: Block, what: str) -> float:
 
 
 class LossFunction(NamedTuple):
-    """A loss function of residuals, which are divided by the standard deviation of the noise.
+    """A loss function of residuals, which are divided by the standard deviation of the noise."""
 
-    Attributes
-    ----------
-    rho
-        Loss ρ(e); e² for least squares.
-    psi
-        Influence ψ(e), divided by its mean slope: residuals with which least squares has the same covariance.
-    """
-
-    rho: Callable[[Array], Array]
+    rho: Callable[[Array], Array]  # loss ρ(e); e² for least squares
+    # influence ψ(e), divided by its mean slope: residuals with which least squares has the same covariance
     psi: Callable[[Array], Array]
 
 
@@ -247,21 +211,11 @@ LOSSES: dict[Loss, LossFunction] = {
 
 
 class Information(NamedTuple):
-    """A Jacobian over the noise, compressed to one row per column, with the names of its columns.
+    """A Jacobian over the noise, compressed to one row per column, with the names of its columns."""
 
-    Attributes
-    ----------
-    R
-        Triangular factor of the Jacobian, with the same singular values, shape (rows, names).
-    names
-        Parameters, then gains and biases.
-    error
-        Norm of the error of the Jacobian.
-    """
-
-    R: Array
-    names: tuple[str, ...]
-    error: float
+    R: Array  # triangular factor of the Jacobian, with the same singular values, shape (rows, names)
+    names: tuple[str, ...]  # parameters, then gains and biases
+    error: float  # norm of the error of the Jacobian
 
     def with_(self, others: Iterable[Information]) -> Information:
         """All information together; columns with the same name are the same unknown."""
@@ -281,26 +235,14 @@ class Information(NamedTuple):
 
 
 def in_two_steps(signals: Signals, x: Array, blocks: Sequence[Sequence[Block]]) -> tuple[Likelihood, Likelihood]:
-    """Likelihood at a point, with finite differences of two step sizes.
-
-    Raises
-    ------
-    FlexlinkError
-        The simulation fails.
-    """
+    """Likelihood at a point, with finite differences of two step sizes."""
     signals.ahead([*signals.around(x, CENTRAL_4), *signals.around(x, CENTRAL_4, STEP / 2)])
     slopes, finer = signals.slopes(x, CENTRAL_4), signals.slopes(x, CENTRAL_4, STEP / 2)
     return likelihood(signals, x, blocks, slopes), likelihood(signals, x, blocks, finer)
 
 
 def information_of(at: Likelihood, finer: Likelihood) -> Information:
-    """Information of data and priors; `finer` has derivatives with another step size.
-
-    Raises
-    ------
-    ArgumentError
-        A derivative is not finite.
-    """
+    """Information of data and priors; `finer` has derivatives with another step size."""
     J, other = at.scaled, finer.scaled
     if not (np.isfinite(J).all() and np.isfinite(other).all()):
         raise ArgumentError("the derivatives of the predictions are not finite", id="not-finite")

@@ -1,74 +1,92 @@
-"""Page of a fit: estimates and intervals, measurements and predictions, residuals and their spectrum."""
+"""Pages of fits and of checks: estimates and intervals, measurements and predictions, residuals, identifiability."""
 
 from __future__ import annotations
 
+import itertools
+import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from msgspec.structs import replace
 
-from flexlink.common.output import begin_page
-from flexlink.common.wording import plural
-from flexlink.identification.checked_page import (
-    differences_of_runs,
-    identifiability,
-    measure_next,
-    padded,
-    priors_in_words,
-    problem_part,
-    reproduction,
-)
+from flexlink.common.output import begin_page, write_text
+from flexlink.common.wording import plural, truncated
+from flexlink.describe.scene import Scene
+from flexlink.describe.writing import toml_of, without_defaults
+from flexlink.identification.data_page import Chapters, chapters_of_data, compared, pictures, response_table
 from flexlink.identification.estimate import Estimate
 from flexlink.identification.fitted import Fitted, FittedColumn
+from flexlink.identification.identifiability import WIDE, Check, document
+from flexlink.identification.problem import FitProblem
 from flexlink.identification.proposals import Proposals
-from flexlink.identification.response_page import compared, pictures
-from flexlink.identification.response_page import table as response_table
 from flexlink.pages.chapter import Chapter
 from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
 from flexlink.pages.numbers import JOIN, amount, number
 from flexlink.pages.page import write_page
 from flexlink.pages.part import Part, written
-from flexlink.pages.picture import Picture
-from flexlink.pages.style import RC, legend_over, stacked_axes
-from flexlink.pages.tables import Cell, Table
+from flexlink.pages.picture import Picture, picture_of
+from flexlink.pages.style import RC, stacked_axes
+from flexlink.pages.tables import Cell, Table, columns_csv
 from flexlink.pages.verdict import Fact, Report, Verdict
+
+START, PROBLEM = "start.toml", "problem.toml"
+"""Files next to the page: the scene before the fit, and the problem, which refers to this scene."""
 
 
 def build(fitted: Fitted, folder: Path, command: str, proposals: Proposals | None = None) -> Report:
-    """Write the page and its files: fitted scene, JSON, tables, pictures.
-
-    Raises
-    ------
-    FlexlinkError
-        As in `Fitted.report`.
-    """
+    """Write the page and its files: fitted scene, JSON, tables, pictures; with `proposals` of experiments."""
     begin_page(folder)
     fitted.save(folder / "fit.json")
+    facts = [Fact(_with_interval(one), f"{one.name}, {_confidence(one)}") for one in fitted.numbers if one.path]
     with mpl.rc_context(RC):
         parts = {
             "numbers": ("Estimated parameters", "Estimates", _numbers(fitted)),
             "data": ("Measured and predicted", "Data", _data(fitted)),
             "residuals": ("Residuals", "Residuals", _residuals(fitted)),
-            "identifiability": ("Identifiability", "Identifiability", identifiability(fitted.check)),
-            **measure_next(proposals),
-            "problem": ("Problem", "Problem", problem_part(fitted.problem)),
-            "reproduce": (
-                "How to reproduce this page",
-                "Reproduce",
-                reproduction(fitted.scene, "fitted.toml", command),
-            ),
+            **_identifiability(fitted.check, proposals),
+            **_problem(fitted.problem),
+            **_reproduction(fitted.scene, "fitted.toml", command),
         }
-    definitions: dict[str, str] = {}
+        return _written(folder, fitted.scene.name, parts, _verdicts(fitted), facts)
+
+
+def build_check(
+    problem: FitProblem, check: Check, folder: Path, command: str, proposals: Proposals | None = None
+) -> Report:
+    """Write the page and the files of a check, or of a fit that the check refused; with `proposals` of experiments.
+
+    The page shows the data first: columns beside their prediction at the initial guess, residuals, and spectra.
+    """
+    begin_page(folder)
+    write_text(folder / "check.json", json.dumps(document(check), indent=1, ensure_ascii=False) + "\n")
+    identifiable = f"{plural(len(check.names), 'parameter')} identifiable at the initial guess. Nothing was fitted."
+    refused = f"Nothing was fitted: {'; also '.join(one.text for one in check.lost)}."
+    verdict = Verdict(
+        "Identifiability", "pass" if check.passed else "fail", "identifiable" if check.passed else "refused",
+        identifiable if check.passed else refused,
+    )  # fmt: skip
     with mpl.rc_context(RC):
-        chapters = [
-            written(Chapter(name, title, short), part, folder, definitions)
-            for name, (title, short, part) in parts.items()
-        ]
-    verdicts = _verdicts(fitted)
-    facts = [Fact(_with_interval(one), f"{one.name}, {_confidence(one)}") for one in fitted.numbers if one.path]
-    page = write_page(folder, fitted.scene.name, "fit", chapters, verdicts, facts, definitions)
+        parts = {
+            **chapters_of_data(problem),
+            **_identifiability(check, proposals),
+            **_problem(problem, _priors_in_words(problem) + _differences_of_runs(problem)),
+            **_reproduction(problem.scene, START, command),
+        }
+        return _written(folder, problem.scene.name, parts, [verdict])
+
+
+def _written(
+    folder: Path, name: str, parts: Chapters, verdicts: Sequence[Verdict], facts: Sequence[Fact] = ()
+) -> Report:
+    definitions: dict[str, str] = {}
+    chapters = [
+        written(Chapter(id, title, short), part, folder, definitions) for id, (title, short, part) in parts.items()
+    ]
+    page = write_page(folder, name, "fit", chapters, verdicts, facts, definitions)
     return Report(page, tuple(verdicts), chapters)
 
 
@@ -146,7 +164,7 @@ def _numbers(fitted: Fitted) -> Part:
     lines: list[tuple[Cell, ...]] = [
         (one.name, one.unit or "1", one.start, one.value, one.low, one.high,
          100 * one.half / abs(one.value) if one.value else None, one.deviation, one.u_num, one.u_input, one.verdict,
-         *(_ends(one) if profile else ()))
+         *(map(_none, one.profile or (math.nan, math.nan)) if profile else ()))
         for one in fitted.numbers
     ]  # fmt: skip
     heads += ["profile from", "profile to"] if profile else []
@@ -154,7 +172,7 @@ def _numbers(fitted: Fitted) -> Part:
         "Columns “from” and “to” are the ends of the 95 % interval. It covers the true value in 95 % of cases if the "
         "model is complete, and accounts for the autocorrelation of the residuals and for the grid error: the error "
         "due to the number of segments, estimated by a fit with twice the hinges.",
-        *priors_in_words(fitted.problem),
+        *_priors_in_words(fitted.problem),
         *(f"Note: {warning}." for warning in fitted.warnings),
     )
     names = tuple(one.name for one in fitted.numbers)
@@ -165,11 +183,6 @@ def _numbers(fitted: Fitted) -> Part:
         Table("numbers", "Estimates with 95 % intervals", tuple(heads), tuple(lines)),
         Table("correlation", "Correlation", ("", *names), rows, to_look_up=True),
     ))  # fmt: skip
-
-
-def _ends(one: Estimate) -> tuple[float | None, float | None]:
-    low, high = one.profile or (math.nan, math.nan)
-    return _none(low), _none(high)
 
 
 def _data(fitted: Fitted) -> Part:
@@ -185,7 +198,7 @@ def _data(fitted: Fitted) -> Part:
     )  # fmt: skip
     sentences: tuple[str, ...] = (
         "Fit is 1 − |residual| / |measured − mean|. RMS residuals are in the unit of the column.",
-        *differences_of_runs(fitted.problem),
+        *_differences_of_runs(fitted.problem),
     )
     if all(one.linear is None for one in fitted.columns):
         sentences += ("There is no free linear model for comparison: joints swing freely, or there is no run.",)
@@ -199,8 +212,7 @@ def _data(fitted: Fitted) -> Part:
         tables.append(Table("single", "Single measurements", ("measurement", "measured", "before", "fitted"), single))
     responses = compared(fitted)
     tables += [response_table(responses)] if responses else []
-    drawn = _drawn(fitted)
-    shown = (*((_overlay(drawn), _difference(drawn)) if drawn else ()), *pictures(responses))
+    shown = (*_beside(fitted), *pictures(responses))
     return Part(sentences, pictures=shown, tables=tuple(tables))
 
 
@@ -211,20 +223,21 @@ def _drawn(fitted: Fitted) -> list[FittedColumn]:
     return sorted(runs, key=lambda one: one.use == "check")[:most]
 
 
-def _overlay(drawn: list[FittedColumn]) -> Picture:
-    curves = [{"measured": one.measured, "before": one.before, "fitted": one.after} for one in drawn]
-    return _panels("beside", "Measured and predicted", "Measured, before and after the fit.", drawn, curves)
-
-
-def _difference(drawn: list[FittedColumn]) -> Picture:
+def _beside(fitted: Fitted) -> tuple[Picture, ...]:
+    """Pictures of the measured columns beside their predictions, and of the residuals; none without runs."""
     visible = 5.0  # the linear model is drawn if its residual is at most this multiple of the scene's residual
-    curves = []
-    for one in drawn:
-        linear = {}
+    drawn = _drawn(fitted)
+    if not drawn:
+        return ()
+    curves = [{"measured": one.measured, "before": one.before, "fitted": one.after} for one in drawn]
+    residuals = [{"fitted": one.after - one.measured} for one in drawn]
+    for one, several in zip(drawn, residuals, strict=True):
         if one.linear is not None and one.off(one.linear) < visible * one.off(one.after):
-            linear = {"free linear": one.linear - one.measured}
-        curves.append({"fitted": one.after - one.measured, **linear})
-    return _panels("difference", "Residuals", "Predicted − measured.", drawn, curves)
+            several["free linear"] = one.linear - one.measured
+    return (
+        _panels("beside", "Measured and predicted", "Measured, before and after the fit.", drawn, curves),
+        _panels("difference", "Residuals", "Predicted − measured.", drawn, residuals),
+    )
 
 
 def _panels(
@@ -235,7 +248,7 @@ def _panels(
         "measured": {"color": GREY, "linestyle": "", "marker": ".", "markersize": 3}, "fitted": {"color": BLUE},
         "before": {"color": VERMILION, "linewidth": 0.8}, "free linear": {"color": INK, "linewidth": 0.8},
     }  # fmt: skip
-    figure, axes = stacked_axes(len(drawn), 2.2, share=False)
+    _, axes = stacked_axes(len(drawn), 2.2, share=False)
     columns: dict[str, np.ndarray] = {}
     for panel, one, several in zip(axes, drawn, curves, strict=True):
         columns[f"{one.source}: t [s] of {one.name}"] = np.asarray(one.t)
@@ -244,9 +257,7 @@ def _panels(
             columns[f"{one.source}: {label} {one.name}"] = values
         panel.set_ylabel(one.name)
         panel.set_title(f"{one.source} ({one.use})", loc="left")
-    axes[-1].set_xlabel("time [s]")
-    legend_over(axes[0], figure=figure)
-    return Picture(name, title, figure, caption, padded(columns))
+    return picture_of(name, title, caption, axes, "time [s]", columns)
 
 
 def _residuals(fitted: Fitted) -> Part:
@@ -263,7 +274,7 @@ def _residuals(fitted: Fitted) -> Part:
     lines = tuple((one.source, one.name, one.off(one.after), one.noise, one.whiteness) for one in runs)
     heads = ("source", "column", "RMS", "noise", "p of whiteness")
     drawn = _drawn(fitted)
-    figure, axes = stacked_axes(len(drawn), 2.0, share=False)
+    _, axes = stacked_axes(len(drawn), 2.0, share=False)
     columns: dict[str, np.ndarray] = {}
     for panel, one in zip(axes, drawn, strict=True):
         f, root = _spectrum(np.asarray(one.t), one.after - one.measured)
@@ -271,9 +282,8 @@ def _residuals(fitted: Fitted) -> Part:
         panel.set_ylabel(f"{one.unit}/√Hz")
         panel.set_title(f"{one.source}: {one.name}", loc="left")
         columns |= {f"{one.source}: f of {one.name} [Hz]": f, f"{one.source}: {one.name}": root}
-    axes[-1].set_xlabel("frequency [Hz]")
     caption = "Square root of the power spectral density of the residuals."
-    picture = Picture("spectrum", "Spectrum of the residuals", figure, caption, padded(columns))
+    picture = picture_of("spectrum", "Spectrum of the residuals", caption, axes, "frequency [Hz]", columns)
     return Part((sentence,), pictures=(picture,), tables=(Table("left", "RMS residuals and whiteness", heads, lines),))
 
 
@@ -285,3 +295,67 @@ def _spectrum(t: np.ndarray, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _none(value: float) -> float | None:
     return value if np.isfinite(value) else None
+
+
+def _identifiability(check: Check, proposals: Proposals | None) -> Chapters:
+    """Chapters on an identifiability check, and on what to measure next if there are proposals."""
+    found = {"identifiability": ("Identifiability", "Identifiability", identifiability(check))}
+    return found if proposals is None else found | {"next": ("What to measure next", "Next", proposals.part())}
+
+
+def identifiability(check: Check) -> Part:
+    """Result of an identifiability check."""
+    heads = ("parameter", "± of 95 % [% of value or unit]", "grid error [% of value or unit]")
+    lines = tuple(
+        (name, 100 * WIDE * float(part) if np.isfinite(part) else None, None if u is None else 100 * float(u))
+        for name, part, u in itertools.zip_longest(check.names, check.expected, check.grid)
+    )
+    sentences = tuple(f"{one.text}." for one in check.directions)
+    sentences = sentences or ("Every parameter, and every combination of parameters, is identifiable.",)
+    values = tuple((k, float(s)) for k, s in enumerate(check.singular_values, 1))
+    return Part((*sentences, *(f"{note}." for note in check.notes)), tables=(
+        Table("expected", "Expected 95 % intervals, linear estimate with white noise", heads, lines),
+        Table("singular_values", "Singular values of the Jacobian over the noise", ("number", "value"), values,
+              to_look_up=True),
+    ))  # fmt: skip
+
+
+def _problem(problem: FitProblem, sentences: tuple[str, ...] = ()) -> Chapters:
+    """Chapter with the problem, its scene and its runs, as files."""
+    files = {START: problem.scene.to_toml()}
+    runs = []
+    for k, run in enumerate(problem.run, 1):
+        name = f"run_{k}.csv"
+        if run.columns:
+            files[name] = columns_csv({head: np.array(column) for head, column in run.columns.items()})
+        runs.append(replace(run, columns={}, file=run.file or name))
+    written_problem = without_defaults(replace(problem, run=tuple(runs))) | {"scene": START}
+    text = toml_of({"scene": START, **written_problem})
+    about = (f"{problem.about.rstrip('.')}.",) if problem.about else ()
+    part = Part((*about, *sentences), literal=text, literal_title="Problem file", files={PROBLEM: text, **files})
+    return {"problem": ("Problem", "Problem", part)}
+
+
+def _priors_in_words(problem: FitProblem) -> tuple[str, ...]:
+    """One sentence for each prior."""
+    return tuple(
+        f"Prior: {one.path} is {one.prior[0]:.6g} ± {one.prior[1]:.2g} (standard deviation)."
+        for one in problem.parameter if one.prior
+    )  # fmt: skip
+
+
+def _differences_of_runs(problem: FitProblem) -> tuple[str, ...]:
+    """One sentence for each run that differs from the scene."""
+    return tuple(
+        f"Differences of {run.name} from the scene: "
+        f"{', '.join(f'{path} = {truncated(value)}' for path, value in run.set.items())}."
+        for run in problem.run if run.set
+    )  # fmt: skip
+
+
+def _reproduction(scene: Scene, name: str, command: str) -> Chapters:
+    """Chapter with the command and the scene."""
+    sentences = (f"Made by: {command}",) if command else ()
+    again = f"To repeat it with the files next to this page: flexlink fit {PROBLEM}"
+    part = Part((*sentences, again), literal=scene.to_toml(), files={name: scene.to_toml()})
+    return {"reproduce": ("How to reproduce this page", "Reproduce", part)}

@@ -24,6 +24,11 @@ Loss = Literal["linear", "soft_l1", "huber", "trimmed"]
 "trimmed" leaves them out."""
 
 
+def _require_order(name: str, pair: tuple[float, float] | None, expected: str) -> None:
+    if pair is not None and not pair[0] < pair[1]:
+        raise SceneError(f"{name} = {list(pair)}: {expected}", id="range-order")
+
+
 class FitParameter(Spec, frozen=True):
     """An unknown parameter of the scene.
 
@@ -47,10 +52,7 @@ class FitParameter(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.between is not None and not self.between[0] < self.between[1]:
-            raise SceneError(
-                f"between = {list(self.between)}: the first must be less than the second", id="range-order"
-            )
+        _require_order("between", self.between, "the first must be less than the second")
         if self.between is not None and self.start is not None and not self.within(self.start):
             raise SceneError(f"start = {self.start!r}: outside between = {list(self.between)}", id="parameter-start")
 
@@ -108,10 +110,7 @@ class FitRun(Spec, frozen=True):
         super().__post_init__()
         if bool(self.file) == bool(self.columns):
             raise SceneError(f"file = {self.file!r}: specify either a file or columns", id="both-given")
-        if self.window is not None and not self.window[0] < self.window[1]:
-            raise SceneError(
-                f"window = {list(self.window)}: the first time must be earlier than the second", id="range-order"
-            )
+        _require_order("window", self.window, "the first time must be earlier than the second")
 
 
 def files_of(run: FitRun) -> tuple[str, ...]:
@@ -230,10 +229,7 @@ class FitFrf(Spec, frozen=True):
                 f"averages = {self.averages!r}: specify either averages, with a coherence, or deviation",
                 id="both-given",
             )
-        if self.band is not None and not self.band[0] < self.band[1]:
-            raise SceneError(
-                f"band = {list(self.band)}: the first frequency must be less than the second", id="range-order"
-            )
+        _require_order("band", self.band, "the first frequency must be less than the second")
 
 
 class FitProblem(Spec, frozen=True):

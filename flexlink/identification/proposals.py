@@ -20,24 +20,14 @@ from flexlink.pages.tables import Cell, Table
 
 
 class Change(NamedTuple):
-    """Expected standard deviation of a parameter before and after an experiment.
+    """Expected standard deviation of a parameter before and after an experiment."""
 
-    Attributes
-    ----------
-    name, unit
-        The parameter, and the unit of its value.
-    log
-        Whether its logarithm is estimated; intervals are then given in percent.
-    size
-        Change of the value per unit of the deviations.
-    before, after
-        Standard deviations of its coordinate; inf if it is not identifiable.
-    """
-
+    # name, unit: the parameter, and the unit of its value
     name: str
     unit: str
-    log: bool
-    size: float
+    log: bool  # whether its logarithm is estimated; intervals are then given in percent
+    size: float  # change of the value per unit of the deviations
+    # before, after: standard deviations of its coordinate; inf if it is not identifiable
     before: float
     after: float
 
@@ -48,6 +38,10 @@ class Change(NamedTuple):
         if self.log:
             return f"± {100 * WIDE * σ:.2g} %"
         return f"± {WIDE * σ * self.size:.2g} {self.unit}".rstrip()
+
+    def bound(self, σ: float) -> float | None:
+        """Half-width of the 95 % interval: a fraction of the value, or in its unit."""
+        return WIDE * σ * (1.0 if self.log else self.size) if math.isfinite(σ) else None
 
     @property
     def text(self) -> str:
@@ -212,29 +206,27 @@ class Proposals:
     def part(self) -> Part:
         """Chapter of a page: a table of the experiments, and the tables for the problem file."""
         names = [name for name, _ in self.values]
+        listed = (*self.best, *self.sets)
         rows: tuple[tuple[Cell, ...], ...] = tuple(
             (
                 k,
                 one.title,
                 "; ".join(c.reason for c in one.candidates),
-                *(change.half(change.after) for change in one.changes),
+                *(c.half(c.after) for c in one.changes),
                 one.lost,
             )
-            for k, one in enumerate((*self.best, *self.sets), 1)
+            for k, one in enumerate(listed, 1)
         )
-        now = next((one for one in self.ranked), None)
-        present = [] if now is None else [f"{c.name} {c.half(c.before)}" for c in now.changes]
-        left = (
-            f"{plural(self.compared, 'experiment')} compared; {len(self.skipped)} left out, which do not apply to this "
-        )
-        left += "scene or cannot be simulated."
+        present = [f"{c.name} {c.half(c.before)}" for one in self.ranked[:1] for c in one.changes]
+        left = f"{plural(self.compared, 'experiment')} compared; {len(self.skipped)} left out, which do not apply to "
+        left += "this scene or cannot be simulated."
         sentences = (
             f"Expected 95 % intervals after each experiment, {self.basis}.",
             f"Now: {', '.join(present)}.",
             left,
             *(f"Note: {note}." for note in self.notes),
         )
-        texts = "\n".join(f"# {one.text}\n{one.toml}" for one in (*self.best, *self.sets))
+        texts = "\n".join(f"# {one.text}\n{one.toml}" for one in listed)
         heads = ("rank", "experiment", "reason", *names, "not identifiable")
         return Part(
             sentences, literal=texts, literal_title="Tables for the problem file",
@@ -254,23 +246,12 @@ def _document(one: Proposal) -> dict[str, Any]:
         "text": one.text,
         "experiments": [{"title": c.title, "experiment": c.experiment, "reason": c.reason} for c in one.candidates],
         "intervals": [
-            {
-                "name": c.name,
-                "unit": c.unit,
-                "relative": c.log,
-                "before": _half(c, c.before),
-                "after": _half(c, c.after),
-            }
+            {"name": c.name, "unit": c.unit, "relative": c.log, "before": c.bound(c.before), "after": c.bound(c.after)}
             for c in one.changes
         ],
         "lost": one.lost,
         "toml": one.toml,
     }
-
-
-def _half(change: Change, σ: float) -> float | None:
-    """Half-width of the 95 % interval: a fraction of the value, or in its unit."""
-    return WIDE * σ * (1.0 if change.log else change.size) if math.isfinite(σ) else None
 
 
 def _toml(candidate: Candidate) -> str:

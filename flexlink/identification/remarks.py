@@ -62,6 +62,12 @@ def _of_noise(source: Source) -> list[Diagnostic]:
     return [*found, *([Diagnostic(text, "assumed-noise")] if assumed else [])]
 
 
+def _uneven(t: Array) -> bool:
+    even = 0.1  # allowed variation of the sampling interval, relative to its mean
+    between = np.diff(t)
+    return bool(np.ptp(between) > even * between.mean())
+
+
 def _doubts(source: Source) -> list[Diagnostic]:
     return [Diagnostic(f"{source.name}: {doubt}", doubt.id) for doubt in source.doubts]
 
@@ -82,49 +88,10 @@ def ranges_apart(at: Likelihood) -> list[Diagnostic]:
     return found
 
 
-def _too_far(one: FittedColumn) -> Diagnostic:
-    return Diagnostic(
-        f"{one.source}, {one.name}: the residual is {one.times_noise:.2g} times the stated noise; the noise is larger, "
-        "or the model is incomplete",
-        "residual-above-noise",
-    )
-
-
 def _times_fitted(one: FittedColumn, columns: Sequence[FittedColumn]) -> float:
     """Ratio of the RMS residuals of a column in a check run and in fitted runs; 0 if it was not fitted."""
     residuals = [other.residual(other.after) for other in columns if other.use == "fit" and other.name == one.name]
     return one.off(one.after) / max(residuals) if one.use == "check" and residuals and max(residuals) > 0 else 0.0
-
-
-def _worse_than_fitted(one: FittedColumn, columns: Sequence[FittedColumn]) -> Diagnostic:
-    return Diagnostic(
-        f"{one.source}, {one.name}: the residual is {_times_fitted(one, columns):.2g} times as large as in the "
-        "fitted runs; the estimates are too inaccurate for this run (fit it as well), or the model is incomplete",
-        "worse-than-fitted-runs",
-    )
-
-
-def _uneven(t: Array) -> bool:
-    even = 0.1  # allowed variation of the sampling interval, relative to its mean
-    between = np.diff(t)
-    return bool(np.ptp(between) > even * between.mean())
-
-
-def _times(one: Estimate) -> float:
-    """Factor between the initial guess and the estimate of a positive parameter."""
-    return max(one.value / one.start, one.start / one.value)
-
-
-def _ran_away(one: Estimate, *, settled: bool) -> Diagnostic:
-    doubt = "there may be a better solution near the initial guess: try --starts, or set between"
-    remedy = "check the units of the measurements if this is unexpected" if settled else doubt
-    text = f"{one.name} moved from {one.start:.4g} to {one.value:.4g}; {remedy}"
-    return Diagnostic(text, "far-from-initial-guess")
-
-
-def _agreeing(found: Sequence[Found]) -> int:
-    """Number of initial guesses that led to the best solution."""
-    return sum(bool(np.allclose(end.x, found[0].x, rtol=0, atol=1e-4)) for end in found)
 
 
 def hertz_in_rad_per_s(at: Likelihood) -> list[Diagnostic]:
@@ -139,64 +106,69 @@ def hertz_in_rad_per_s(at: Likelihood) -> list[Diagnostic]:
     return found
 
 
-def _leaves_prior(one: Estimate, known: Coordinate) -> bool:
-    """Whether the data move a parameter far from its prior."""
-    far = 3.0  # distance from the prior's mean that counts as far, in standard deviations of the prior
-    return known.prior is not None and abs(one.value - known.prior[0]) > far * known.prior[1]
-
-
-def _far_from_prior(one: Estimate, known: Coordinate) -> Diagnostic:
-    mean, deviation = known.prior or (0.0, 1.0)
-    far = abs(one.value - mean) / deviation
-    return Diagnostic(
-        f"{one.name} = {one.value:.4g} is {far:.2g} standard deviations from its prior, {mean:.4g} ± {deviation:.2g}; "
-        "the prior is wrong, or the parameter compensates for something that the model lacks",
-        "far-from-prior",
-    )
-
-
-def _not_identifiable(one: Estimate) -> Diagnostic:
-    return Diagnostic(f"{one.name} is {one.verdict}", one.doubt.id if one.doubt is not None else "")
-
-
 def warnings(
-    numbers: Sequence[Estimate],
-    coordinates: Sequence[Coordinate],
-    check: Check,
-    found: Sequence[Found],
-    columns: Sequence[FittedColumn],
-    sources: Sequence[Source],
-) -> tuple[Diagnostic, ...]:
+    numbers: Sequence[Estimate], coordinates: Sequence[Coordinate], check: Check, found: Sequence[Found],
+    columns: Sequence[FittedColumn], sources: Sequence[Source],
+) -> tuple[Diagnostic, ...]:  # fmt: skip
     """Warnings about the estimates of a fit and its model."""
-    wider = "its interval is wider than the linear estimate: it ends where the likelihood ratio rejects a value"
-    away = 10.0  # factor between estimate and initial guess of a positive parameter above which to warn
     far = 2.0  # ratio of residual to stated noise, or to the residual of the fitted runs, above which to warn
+    fitted = [one for one in columns if one.use == "fit"]
+    at_noise = bool(fitted) and all(one.stated and one.times_noise <= far for one in fitted)
+    same = 1 + sum(bool(np.allclose(end.x, found[0].x, rtol=0, atol=1e-4)) for end in found[1:])
+    found_warnings = _of_estimates(numbers, coordinates, settled=at_noise or 1 < len(found) == same)
+    found_warnings += [one.text for one in check.directions]
+    found_warnings += [
+        Diagnostic(
+            f"{one.source}, {one.name}: the residual is {one.times_noise:.2g} times the stated noise; the noise is "
+            "larger, or the model is incomplete", "residual-above-noise",
+        )
+        for one in fitted if one.stated and one.times_noise > far
+    ]  # fmt: skip
+    found_warnings += [doubt for source in sources for doubt in _doubts(source)]
+    found_warnings += [
+        Diagnostic(
+            f"{one.source}, {one.name}: the residual is {times:.2g} times as large as in the fitted runs; the "
+            "estimates are too inaccurate for this run (fit it as well), or the model is incomplete",
+            "worse-than-fitted-runs",
+        )
+        for one in columns if (times := _times_fitted(one, columns)) > far
+    ]  # fmt: skip
+    if same < len(found):
+        text = f"{same} of {len(found)} initial guesses led to the best solution; others end at a higher cost"
+        found_warnings.append(Diagnostic(text, "several-minima"))
+    return tuple(found_warnings)
+
+
+def _of_estimates(numbers: Sequence[Estimate], coordinates: Sequence[Coordinate], *, settled: bool) -> list[Diagnostic]:
+    """Warnings about estimates; `settled`: there is likely no better solution near the initial guess."""
+    away = 10.0  # factor between estimate and initial guess of a positive parameter above which to warn
+    apart = 3.0  # distance from the prior's mean above which to warn, in standard deviations of the prior
+    wider = "its interval is wider than the linear estimate: it ends where the likelihood ratio rejects a value"
+    doubt = "there may be a better solution near the initial guess: try --starts, or set between"
+    remedy = "check the units of the measurements if this is unexpected" if settled else doubt
     # ids of doubts that other warnings already report
     stated = {"estimate-at-bound", "unbounded-interval", "grid-error", "input-error"}
-    pairs = list(zip(numbers, coordinates, strict=False))
-    found_warnings = [
+    found = [
         Diagnostic(f"{one.name} ended at its bound, {one.value:.6g}", "estimate-at-bound")
         for one in numbers if one.at_bound
     ]  # fmt: skip
-    found_warnings += [
-        _not_identifiable(one) for one in numbers if one.doubt is not None and one.doubt.id not in stated
+    found += [
+        Diagnostic(f"{one.name} is {one.verdict}", one.doubt.id)
+        for one in numbers if one.doubt is not None and one.doubt.id not in stated
+    ]  # fmt: skip
+    found += [
+        Diagnostic(f"{one.name} moved from {one.start:.4g} to {one.value:.4g}; {remedy}", "far-from-initial-guess")
+        for one, by in zip(numbers, coordinates, strict=False)
+        if by.log and max(one.value / one.start, one.start / one.value) > away
     ]
-    fitted = [one for one in columns if one.use == "fit"]
-    at_noise = bool(fitted) and all(one.stated and one.times_noise <= far for one in fitted)
-    settled = at_noise or 1 < len(found) == _agreeing(found)
-    found_warnings += [_ran_away(one, settled=settled) for one, by in pairs if by.log and _times(one) > away]
-    found_warnings += [Diagnostic(f"{one.name}: {wider}", "interval-widened") for one in numbers if one.widened]
-    found_warnings += [_far_from_prior(one, known) for one, known in pairs if _leaves_prior(one, known)]
-    found_warnings += [one.text for one in check.directions]
-    found_warnings += [_too_far(one) for one in columns if one.stated and one.use == "fit" and one.times_noise > far]
-    found_warnings += [doubt for source in sources for doubt in _doubts(source)]
-    found_warnings += [_worse_than_fitted(one, columns) for one in columns if _times_fitted(one, columns) > far]
-    if len(found) > 1:
-        same = _agreeing(found)
-        if same < len(found):
-            text = f"{same} of {len(found)} initial guesses led to the best solution; others end at a higher cost"
-            found_warnings.append(Diagnostic(text, "several-minima"))
-    return tuple(found_warnings)
+    found += [Diagnostic(f"{one.name}: {wider}", "interval-widened") for one in numbers if one.widened]
+    for one, by in zip(numbers, coordinates, strict=False):
+        mean, deviation = by.prior or (one.value, 1.0)
+        if (far := abs(one.value - mean) / deviation) > apart:
+            text = f"{one.name} = {one.value:.4g} is {far:.2g} standard deviations from its prior, {mean:.4g} ± "
+            text += f"{deviation:.2g}; the prior is wrong, or the parameter compensates for something that the model "
+            found.append(Diagnostic(f"{text}lacks", "far-from-prior"))
+    return found
 
 
 # Explain why a parameter has no effect on the data: the columns that it affects instead, or the axis it acts about.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -62,32 +63,20 @@ class Signals:
         ]
 
     def scene(self, number: int, x: Array) -> Scene:
-        """Scene of a source at a point.
-
-        Raises
-        ------
-        FlexlinkError
-            As in `Scene.varied`.
-        """
+        """Scene of a source at a point."""
         indices = [self.coordinates[k] for k in self._own[number]]
         values = [one.value(float(x[k])) for k, one in zip(self._own[number], indices, strict=True)]
         return self._variants[number].varied({one.path: v for one, v in zip(indices, values, strict=True)})
 
     def model(self, x: Array) -> Model:
-        """Predictions at one point.
-
-        Raises
-        ------
-        FlexlinkError
-            The simulation fails.
-        """
+        """Predictions at one point."""
         known = self._points.get(x.tobytes())
         return (known or self._kept(x, slopes=self._beside))[0]
 
     def ahead(self, points: Sequence[Array]) -> None:
         """Compute the predictions at several points in parallel, and cache the successful ones."""
         new = {x.tobytes(): x for x in points if x.tobytes() not in self._points}
-        parts = [self._many([(number, x) for x in new.values()]) for number in range(len(self.sources))]
+        parts = [self._computed(number, list(new.values())) for number in range(len(self.sources))]
         self._most = KEPT + len(new)
         for x, *model in zip(new.values(), *parts, strict=True):
             good = [values for values in model if not isinstance(values, FlexlinkError)]
@@ -95,13 +84,7 @@ class Signals:
                 self._points[x.tobytes()] = good, []
 
     def slopes(self, x: Array, places: Places = CENTRAL, step: float = STEP) -> Slopes:
-        """Jacobian of the predictions of every block, shape (n, coordinates).
-
-        Raises
-        ------
-        FlexlinkError
-            The simulation fails at a neighbouring parameter value.
-        """
+        """Jacobian of the predictions of every block, shape (n, coordinates)."""
         if places != CENTRAL:
             return [self._of_source(number, x, places, step)[1] for number in range(len(self.sources))]
         return self._kept(x, slopes=True)[1]
@@ -124,19 +107,13 @@ class Signals:
         return [x, *(moved(x, k, step * at) for k in every for at in self._places(k, x, places, step))]
 
     def _of_source(self, number: int, x: Array, places: Places | None, step: float) -> tuple[list[Array], list[Array]]:
-        """Predictions of one source at a point, and their Jacobian, computed in one batch.
-
-        Raises
-        ------
-        FlexlinkError
-            The simulation fails at a neighbouring parameter value.
-        """
+        """Predictions of one source at a point, and their Jacobian, computed in one batch."""
         indices = [*self._own[number], *self._timing[number]] if places is not None else []
         step *= FINER if self.sources[number].response is not None else 1.0
         steps = np.zeros(len(x))
         steps[indices] = step
         at = [self._places(k, x, places or CENTRAL, step) for k in range(len(x))]
-        values, beside = neighbours(lambda points: self._many([(number, point) for point in points]), x, steps, at)
+        values, beside = neighbours(lambda points: self._many(number, points), x, steps, at)
         slopes = [np.zeros((len(block.y), len(x))) for block in self.sources[number].blocks]
         for k, one in zip(indices, beside, strict=True):
             if isinstance(one, FlexlinkError):
@@ -150,36 +127,30 @@ class Signals:
         far = step * max(places)
         return FORWARD if x[k] - far < low else mirrored(FORWARD) if x[k] + far > high else places
 
-    def _many(self, points: Sequence[tuple[int, Array]]) -> list[list[Array] | FlexlinkError]:
+    def _many(self, number: int, points: Sequence[Array]) -> list[list[Array] | FlexlinkError]:
         """Predictions of one source at several points, taken from the cache or computed by parallel runs."""
-        if not points:
-            return []
-        cached = [self._points.get(x.tobytes()) for _, x in points]
-        if any(cached):
-            computed = iter(self._many([one for one, point in zip(points, cached, strict=True) if point is None]))
-            return [
-                next(computed) if point is None else point[0][number]
-                for (number, _), point in zip(points, cached, strict=True)
-            ]
-        number = points[0][0]
-        source, own = self.sources[number], self._own[number]
+        known = [self._points.get(x.tobytes()) for x in points]
+        new = iter(self._computed(number, [x for x, point in zip(points, known, strict=True) if point is None]))
+        return [next(new) if point is None else point[0][number] for point in known]
+
+    def _computed(self, number: int, points: Sequence[Array]) -> list[list[Array] | FlexlinkError]:
+        source, keys = self.sources[number], [x[self._own[number]].tobytes() for x in points]
         scenes: dict[bytes, Scene | FlexlinkError] = {}  # points that differ in times only have one scene
-        for _, x in points:
-            key = x[own].tobytes()
+        for key, x in zip(keys, points, strict=True):
             if key not in scenes:
-                try:
-                    scenes[key] = self.scene(number, x)
-                except FlexlinkError as error:
-                    scenes[key] = error
+                scenes[key] = _or_error(self.scene, number, x)
         if source.at_rest is not None:
-            single = {key: _single(source.at_rest, scene) for key, scene in scenes.items()}
-            return [single[x[own].tobytes()] for _, x in points]
+            single = {
+                key: scene if isinstance(scene, FlexlinkError) else _or_error(source.at_rest, scene)
+                for key, scene in scenes.items()
+            }
+            return [single[key] for key in keys]
         good = [scene for scene in scenes.values() if isinstance(scene, Scene)]
         self.runs += len(good)
         with deferred() as stop:
             ends = iter(outcomes(good, stop, compared=0))  # warnings of single runs are not shown
         runs = {key: scene if isinstance(scene, FlexlinkError) else next(ends) for key, scene in scenes.items()}
-        return [self._of_run(number, runs[x[own].tobytes()], x) for _, x in points]
+        return [self._of_run(number, runs[key], x) for key, x in zip(keys, points, strict=True)]
 
     def _of_run(self, number: int, end: object, x: Array) -> list[Array] | FlexlinkError:
         if isinstance(end, InterruptedRunError):
@@ -191,10 +162,8 @@ class Signals:
         return end
 
 
-def _single(at_rest: Callable[[Scene], list[Array]], scene: Scene | FlexlinkError) -> list[Array] | FlexlinkError:
-    if isinstance(scene, FlexlinkError):
-        return scene
+def _or_error(function: Callable[..., Any], *arguments: object) -> Any:
     try:
-        return at_rest(scene)
+        return function(*arguments)
     except FlexlinkError as error:
         return error

@@ -22,21 +22,11 @@ ROUNDS = 2
 
 
 class Found(NamedTuple):
-    """Solution of a search.
+    """Solution of a search."""
 
-    Attributes
-    ----------
-    x
-        Coordinates of the solution.
-    cost
-        Half the sum of squares, with the noise assumed at the start.
-    blocks
-        Blocks of every source, with the final estimate of the noise.
-    """
-
-    x: Array
-    cost: float
-    blocks: list[list[Block]]
+    x: Array  # coordinates of the solution
+    cost: float  # half the sum of squares, with the noise assumed at the start
+    blocks: list[list[Block]]  # blocks of every source, with the final estimate of the noise
 
 
 class Search:
@@ -62,13 +52,7 @@ class Search:
         self.coordinates: Sequence[Coordinate] = signals.coordinates
 
     def at(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Likelihood:
-        """Likelihood at a point, with Jacobians.
-
-        Raises
-        ------
-        FlexlinkError
-            The simulation fails.
-        """
+        """Likelihood at a point, with Jacobians."""
         return likelihood(self.signals, x, blocks, self.signals.slopes(x))
 
     def cost(self, x: Array, blocks: Sequence[Sequence[Block]]) -> float:
@@ -122,13 +106,7 @@ class Search:
         return whole(np.asarray(found.x))
 
     def from_start(self, x: Array) -> Found:
-        """Search from an initial guess.
-
-        Raises
-        ------
-        FlexlinkError
-            The simulation fails at the initial guess.
-        """
+        """Search from an initial guess."""
         windows = 0.0, 0.15, 0.4  # growing parts of each run: the cost of a long run has false minima a period apart
         self.signals.model(x)
         sources = self.signals.sources

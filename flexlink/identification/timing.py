@@ -45,13 +45,7 @@ def in_periods(t: Array, hertz: float) -> str:
 
 
 def doubts_of_times(scene: Scene, blocks: Sequence[Block], t: Array, hertz: float) -> tuple[Diagnostic, ...]:
-    """Warnings about the times t of a record, shape (samples,) [s].
-
-    Raises
-    ------
-    DataFileError
-        Samples are too far apart for a mode that is visible in the simulation.
-    """
+    """Warnings about the times t of a record, shape (samples,) [s]."""
     shown = 0.1  # smallest length of a record that shows the slowest mode, in periods of this mode
     length, between = float(t[-1] - t[0]), float(np.median(np.diff(t)))
     if length * hertz < shown:

@@ -9,13 +9,7 @@ from flexlink.common.errors import MissingDependencyError, how_to_install
 
 
 def builder(module: str, page: str) -> ModuleType:
-    """Import the module that builds a `page`; it needs matplotlib and jinja2.
-
-    Raises
-    ------
-    MissingDependencyError
-        One of them is not installed.
-    """
+    """Import the module that builds a `page`; it needs matplotlib and jinja2."""
     try:
         return importlib.import_module(module)
     except ImportError as error:
@@ -26,12 +20,6 @@ def builder(module: str, page: str) -> ModuleType:
 
 
 def require_pages(page: str) -> None:
-    """Check that pages can be built, before the work starts.
-
-    Raises
-    ------
-    MissingDependencyError
-        As in `builder`.
-    """
+    """Check that pages can be built, before the work starts."""
     for module in ("page", "picture"):
         builder(f"flexlink.pages.{module}", page)

@@ -21,33 +21,17 @@ class Shown:
 
 @dataclasses.dataclass(frozen=True)
 class Chapter:
-    """A chapter after its files have been written.
+    """A chapter after its files have been written."""
 
-    Attributes
-    ----------
-    id, title, short
-        Target of links to the chapter, its heading, and its name in the list of chapters.
-    sentences
-        Paragraphs, the conclusion first.
-    figures, tables
-        Figures and tables that support the conclusion.
-    literal
-        Preformatted text, for example a scene, which the page folds.
-    literal_title
-        Title of the preformatted text.
-    files
-        Names of other files next to the page.
-    failure
-        Reason why the chapter could not be computed; "" if it was computed.
-    """
-
+    # id, title, short: target of links to the chapter, its heading, and its name in the list of chapters
     id: str
     title: str
     short: str
-    sentences: tuple[str, ...] = ()
+    sentences: tuple[str, ...] = ()  # paragraphs, the conclusion first
+    # figures, tables: figures and tables that support the conclusion
     figures: tuple[Shown, ...] = ()
     tables: tuple[Table, ...] = ()
-    literal: str = ""
-    literal_title: str = "Scene file"
-    files: tuple[str, ...] = ()
-    failure: str = ""
+    literal: str = ""  # preformatted text, for example a scene, which the page folds
+    literal_title: str = "Scene file"  # title of the preformatted text
+    files: tuple[str, ...] = ()  # names of other files next to the page
+    failure: str = ""  # reason why the chapter could not be computed; "" if it was computed

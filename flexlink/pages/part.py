@@ -14,34 +14,17 @@ from flexlink.pages.verdict import Fact, Verdict
 
 @dataclasses.dataclass(frozen=True)
 class Part:
-    """Content of a chapter.
+    """Content of a chapter."""
 
-    Attributes
-    ----------
-    sentences
-        Paragraphs, the conclusion first.
-    verdicts
-        Verdicts for the first screen.
-    pictures, tables
-        Pictures and tables, with their files.
-    literal
-        Preformatted text, for example a scene, which the page folds.
-    literal_title
-        Title of the preformatted text.
-    files
-        Texts of other files next to the page, by name.
-    facts
-        Numbers for the first screen.
-    """
-
-    sentences: tuple[str, ...] = ()
-    verdicts: tuple[Verdict, ...] = ()
+    sentences: tuple[str, ...] = ()  # paragraphs, the conclusion first
+    verdicts: tuple[Verdict, ...] = ()  # verdicts for the first screen
+    # pictures, tables: pictures and tables, with their files
     pictures: tuple[Picture, ...] = ()
     tables: tuple[Table, ...] = ()
-    literal: str = ""
-    literal_title: str = "Scene file"
-    files: dict[str, str] = dataclasses.field(default_factory=dict)
-    facts: tuple[Fact, ...] = ()
+    literal: str = ""  # preformatted text, for example a scene, which the page folds
+    literal_title: str = "Scene file"  # title of the preformatted text
+    files: dict[str, str] = dataclasses.field(default_factory=dict)  # texts of other files next to the page, by name
+    facts: tuple[Fact, ...] = ()  # numbers for the first screen
 
 
 def written(chapter: Chapter, part: Part, folder: Path, definitions: dict[str, str]) -> Chapter:

@@ -6,41 +6,32 @@ import dataclasses
 import html
 import io
 import re
+from collections.abc import Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 
 import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexlink.common.output import write_text, write_whole
+from flexlink.common.types import Array
 from flexlink.pages.chapter import Shown
 from flexlink.pages.colours import BLUE, INK, PAPER
-from flexlink.pages.style import RC, tidy_logs
+from flexlink.pages.style import RC, legend_over, tidy_logs
+from flexlink.pages.tables import columns_csv
 
 
 @dataclasses.dataclass(frozen=True)
 class Picture:
-    """A figure of a report.
+    """A figure of a report."""
 
-    Attributes
-    ----------
-    name
-        Name of the files of the figure, without extension.
-    title
-        Short description; also the text for screen readers.
-    figure
-        The matplotlib figure.
-    caption
-        Explanation of the figure.
-    csv
-        Data of the figure.
-    """
-
-    name: str
-    title: str
-    figure: Figure
-    caption: str
-    csv: str
+    name: str  # name of the files of the figure, without extension
+    title: str  # short description; also the text for screen readers
+    figure: Figure  # the matplotlib figure
+    caption: str  # explanation of the figure
+    csv: str  # data of the figure
 
     def save_png(self, path: Path) -> None:
         """Write a PNG with 160 dots per inch."""
@@ -75,6 +66,23 @@ class Picture:
     def id(self) -> str:
         """The name as an id of an HTML element."""
         return re.sub(r"[^\w.-]", "_", self.name)
+
+
+def picture_of(
+    name: str, title: str, caption: str, axes: Sequence[Axes], across: str, columns: Mapping[str, Array]
+) -> Picture:
+    """Picture of panels one above another, with the label `across` below and one legend above.
+
+    The columns of its CSV file may have different lengths; missing values are nan.
+    """
+    axes[-1].set_xlabel(across)
+    legend_over(axes[0], figure=axes[0].figure)
+    longest = max(map(len, columns.values()))
+    csv = columns_csv({
+        head: np.pad(column.astype(float), (0, longest - len(column)), constant_values=np.nan)
+        for head, column in columns.items()
+    })  # fmt: skip
+    return Picture(name, title, axes[0].figure, caption, csv)
 
 
 def _lay_out(figure: Figure, dots: float) -> None:

@@ -16,36 +16,17 @@ Cell = str | float | None
 
 @dataclasses.dataclass(frozen=True)
 class Table:
-    """A table of a page, its conclusion, and its CSV file.
+    """A table of a page, its conclusion, and its CSV file."""
 
-    Attributes
-    ----------
-    name
-        Name of the CSV file of the table, without extension.
-    title
-        Title; also the text for screen readers.
-    heads
-        Heads of the columns, with units.
-    lines
-        Rows of texts and numbers; None for an empty cell. Numbers are rounded on the page but not in the file.
-    sentences
-        Conclusions from the numbers, most important first.
-    to_look_up
-        Whether the page folds the table, which is for reference only.
-    opened
-        Whether the table stays open on pages that fold tables, since it is the main result.
-    classes
-        CSS class of each row; none if empty.
-    """
-
-    name: str
-    title: str
-    heads: tuple[str, ...]
+    name: str  # name of the CSV file of the table, without extension
+    title: str  # title; also the text for screen readers
+    heads: tuple[str, ...]  # heads of the columns, with units
+    # rows of texts and numbers; None for an empty cell. Numbers are rounded on the page but not in the file
     lines: tuple[tuple[Cell, ...], ...]
-    sentences: tuple[str, ...] = ()
-    to_look_up: bool = False
-    opened: bool = False
-    classes: tuple[str, ...] = ()
+    sentences: tuple[str, ...] = ()  # conclusions from the numbers, most important first
+    to_look_up: bool = False  # whether the page folds the table, which is for reference only
+    opened: bool = False  # whether the table stays open on pages that fold tables, since it is the main result
+    classes: tuple[str, ...] = ()  # CSS class of each row; none if empty
 
     @property
     def numeric(self) -> frozenset[str]:

@@ -43,13 +43,7 @@ class Execution:
         self.size = LANES
 
     def rows(self, missing: Iterator[int]) -> Iterator[list[Row]]:
-        """Rows of the missing members, task by task, in the order of completion.
-
-        Raises
-        ------
-        EngineError
-            Workers have another version of flexlink, do not start, or have all ended.
-        """
+        """Rows of the missing members, task by task, in the order of completion."""
         self._handshake()
         poll_interval = 0.2  # longest reaction time to a signal [s]
         while not self.stop.requested:

@@ -85,13 +85,7 @@ class SweepOutput(Spec, frozen=True):
         return float(self._reduced(run.t, column_of(run, self.of)))
 
     def measure_all(self, block: Block) -> list[float]:
-        """Apply `measure` to every member of a block, with bitwise equal results.
-
-        Raises
-        ------
-        FlexlinkError
-            As in `measure`.
-        """
+        """Apply `measure` to every member of a block, with bitwise equal results."""
         if self.of in MEASURES:
             return [self.measure(block.trajectory(k)) for k in range(len(block.members))]
         columns = self._reduced(block.t[: block.rows], columns_of(block, self.of))
@@ -115,13 +109,7 @@ class SweepOutput(Spec, frozen=True):
 
 
 def column_of(run: Trajectory, name: str) -> Array:
-    """Return a sampled quantity by its name, shape (samples,).
-
-    Raises
-    ------
-    ArgumentError
-        There is no quantity of this name; the message suggests a similar one.
-    """
+    """Return a sampled quantity by its name, shape (samples,)."""
     if name == DEFLECTION:
         return deflections(run)
     columns = run.columns
@@ -135,13 +123,7 @@ def column_of(run: Trajectory, name: str) -> Array:
 
 
 def columns_of(block: Block, name: str) -> Array:
-    """`column_of` for every member of a block, shape (members, samples).
-
-    Raises
-    ------
-    ArgumentError
-        As in `column_of`.
-    """
+    """`column_of` for every member of a block, shape (members, samples)."""
     if name == DEFLECTION:
         return block.deflections
     sources = sources_of(block.chain)

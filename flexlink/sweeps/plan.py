@@ -159,14 +159,8 @@ class Plan:
         return {key: values[key] for key in self.sweep.keys}
 
     def member(self, number: int) -> tuple[Scene, str]:
-        """Scene and engine of a member.
-
-        Raises
-        ------
-        SceneError
-            As in `Scene.varied`.
-        """
-        changes = {**self._fixed, **self.values(number)}
+        """Scene and engine of a member."""
+        changes = {**self._start[1], **self.values(number)}
         engine = changes.pop("engine", "native")
         if engine not in ENGINES:
             allowed = ", ".join(ENGINES) + did_you_mean(engine, ENGINES)
@@ -175,11 +169,8 @@ class Plan:
 
     @functools.cached_property
     def _variants(self) -> Variants:
-        return Variants(self._start[0], [path for path in (*self._fixed, *self.sweep.keys) if path != "engine"])
-
-    @property
-    def _fixed(self) -> dict[str, Any]:
-        return self._start[1]
+        scene, fixed = self._start
+        return Variants(scene, [path for path in (*fixed, *self.sweep.keys) if path != "engine"])
 
     @functools.cached_property
     def _start(self) -> tuple[Scene, dict[str, Any]]:
@@ -206,19 +197,12 @@ class Plan:
         """Engines of the members."""
         sweep = self.sweep
         sampled = sweep.sample.keys if sweep.sample else {}
-        lists = [
-            table["engine"] for table in (sweep.grid, sweep.together, sampled) if isinstance(table.get("engine"), list)
-        ]
-        return {str(name) for names in [*lists, [sweep.set.get("engine", "native")]] for name in names}
+        lists = [table.get("engine") for table in (sweep.grid, sweep.together, sampled)]
+        lists += [[sweep.set.get("engine", "native")]]
+        return {str(name) for names in lists if isinstance(names, list) for name in names}
 
     def check_paths(self) -> None:
-        """Check that every key is a path of the scene; values are checked member by member.
-
-        Raises
-        ------
-        SceneError
-            A key is not a path of the scene; the message lists what is allowed.
-        """
+        """Check that every key is a path of the scene; values are checked member by member."""
         changes = {**self.sweep.set, **self.values(0)}
         changes.pop("engine", None)
         apply_changes(self.sweep.scene.document(), FIELDS, changes)
@@ -234,8 +218,7 @@ class Plan:
         for name in (*keys, *outputs):
             if columns[name.casefold()] > 1:
                 raise SceneError(
-                    f"{name}: two columns would have this name (case is ignored); rename one",
-                    id="column-twice",
+                    f"{name}: two columns would have this name (case is ignored); rename one", id="column-twice"
                 )
             if not name or not name.isprintable():
                 raise SceneError(f"{truncated(name)}: is not a column name; use printable characters", id="column-name")

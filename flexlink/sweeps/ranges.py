@@ -113,8 +113,7 @@ class Spread(Spec, frozen=True):
         normal = self.mean is not None and self.deviation is not None
         if (self.between is None) != normal or (self.mean is None) != (self.deviation is None):
             raise SceneError(
-                "between: specify either between = [low, high], or mean and deviation",
-                id="range-of-values",
+                "between: specify either between = [low, high], or mean and deviation", id="range-of-values"
             )
         if normal and (self.whole or self.spacing == "log"):
             raise SceneError(
@@ -178,25 +177,13 @@ class Axis:
 
 
 def grid_axis(key: str, values: Any) -> Axis:
-    """Axis of one key of a grid: a list of its values, or a range.
-
-    Raises
-    ------
-    SceneError
-        The values are not a list or range, or they are empty.
-    """
+    """Axis of one key of a grid: a list of its values, or a range."""
     listed = _listed(f"grid.{key}", values)
     return Axis((key,), len(listed), lambda k: (listed[k],))
 
 
 def together_axis(table: Mapping[str, Any]) -> Axis:
-    """Axis of keys whose values are paired.
-
-    Raises
-    ------
-    SceneError
-        Values are not lists or ranges, are empty, or have different lengths.
-    """
+    """Axis of keys whose values are paired."""
     lists = {key: _listed(f"together.{key}", value) for key, value in table.items()}
     counts = {key: len(values) for key, values in lists.items()}
     if len(set(counts.values())) > 1:
@@ -210,13 +197,7 @@ def together_axis(table: Mapping[str, Any]) -> Axis:
 
 
 def sample_axis(sample: RandomDesign) -> Axis:
-    """Axis of a sample.
-
-    Raises
-    ------
-    SceneError
-        The sample has no keys, or a spread is not valid.
-    """
+    """Axis of a sample."""
     if not sample.keys:
         raise SceneError("sample.keys: empty; specify at least one key and its spread", id="empty")
     spreads = [_spread(f"sample.keys.{key}", spread) for key, spread in sample.keys.items()]

@@ -107,13 +107,7 @@ def fill(
     dask: str | None,
     progress: Callable[[float], None],
 ) -> None:
-    """Run the members that have no row.
-
-    Raises
-    ------
-    FlexlinkError
-        As in `sweep`.
-    """
+    """Run the members that have no row."""
     plan, done = store.plan, store.count()
     if done == plan.members:
         return
@@ -139,15 +133,7 @@ def _interrupted(store: Store, stop: Stop, done: int) -> InterruptedSweepError:
 
 
 def preflight(plan: Plan) -> None:
-    """Refuse a sweep with unknown keys or output columns; values are checked later, member by member.
-
-    Raises
-    ------
-    SceneError
-        A key is not a path of the scene, or the first and the last member both lack the column of an output.
-    MissingDependencyError
-        An engine of the members is not installed.
-    """
+    """Refuse a sweep with unknown keys or output columns; values are checked later, member by member."""
     plan.check_paths()
     columns: list[str] = []
     for number in {0, plan.members - 1}:

@@ -113,13 +113,7 @@ class Store:
             self._db.close()
 
     def add(self, rows: Iterable[Row]) -> None:
-        """Add and commit rows of members that do not have a row yet.
-
-        Raises
-        ------
-        OutputError
-            The rows cannot be written; earlier rows remain.
-        """
+        """Add and commit rows of members that do not have a row yet."""
         rows = list(rows)
         lines = [(*row[:4], *map(_kept, self.plan.values(row.number).values()), *row.values) for row in rows]
         if lines:

@@ -66,15 +66,7 @@ def frame(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> Any:
 
 
 def export(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
-    """Write rows to a file in the format of the file's extension; if this fails, no partial file remains.
-
-    Raises
-    ------
-    MissingDependencyError
-        Parquet needs pandas and pyarrow.
-    OutputError
-        The file cannot be written.
-    """
+    """Write rows to a file in the format of the file's extension; if this fails, no partial file remains."""
     if path.suffix == ".csv":
         write_whole(path, lambda file: _write_csv(file, columns, rows))
         return
@@ -84,13 +76,7 @@ def export(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) ->
 
 
 def require_parquet() -> None:
-    """Check that Parquet files can be written.
-
-    Raises
-    ------
-    MissingDependencyError
-        Parquet needs pandas and pyarrow.
-    """
+    """Check that Parquet files can be written."""
     for name in ("pandas", "pyarrow"):
         _package(name, "pandas pyarrow")
 
@@ -108,6 +94,5 @@ def _package(name: str, needed: str) -> Any:
         return importlib.import_module(name)
     except ImportError:
         raise MissingDependencyError(
-            f"this table needs {name}; install it with: {how_to_install(needed)}",
-            id="package-missing",
+            f"this table needs {name}; install it with: {how_to_install(needed)}", id="package-missing"
         ) from None

@@ -45,11 +45,6 @@ def rows_of(text: bytes, theirs: str, numbers: Sequence[int]) -> tuple[list[Row]
         Version of flexlink that started the sweep; rows of different versions are not mixed.
     numbers
         Numbers of the members. Members that a signal interrupts have no row.
-
-    Raises
-    ------
-    EngineError
-        The worker has another version of flexlink.
     """
     # number of members to prepare together; their chains take a few megabytes
     together = 512
@@ -67,13 +62,7 @@ def rows_of(text: bytes, theirs: str, numbers: Sequence[int]) -> tuple[list[Row]
 
 
 def handshake(text: bytes, theirs: str) -> None:
-    """Check that the worker has the same version of flexlink as the main process, and can decode the sweep.
-
-    Raises
-    ------
-    EngineError
-        The worker has another version of flexlink.
-    """
+    """Check that the worker has the same version of flexlink as the main process, and can decode the sweep."""
     if theirs != version():
         raise EngineError(
             f"a worker has flexlink {version()}, but the sweep was started by flexlink {theirs}; install the same one",
@@ -99,13 +88,8 @@ def goes_side_by_side(plan: Plan, number: int) -> bool:
         scene, engine = plan.member(number)
     except FlexlinkError:
         return True
-    alone = (
-        scene.wrench.varies
-        or bool(scene.wrench.on)
-        or scene.run.solver != "articulated"
-        or not steps_explicitly(scene.run)
-    )
-    return engine == "native" and not alone
+    alone = scene.wrench.varies or scene.wrench.on or scene.run.solver != "articulated"
+    return engine == "native" and not alone and steps_explicitly(scene.run)
 
 
 def _ends(plan: Plan, numbers: Sequence[int], stop: Stop) -> list[Row | Outcome]:
@@ -118,7 +102,9 @@ def _ends(plan: Plan, numbers: Sequence[int], stop: Stop) -> list[Row | Outcome]
             if engine == "native":
                 native[number] = scene
             else:
-                results[number] = _integrated(scene, engine)
+                problem = problem_of(scene)
+                states = load(engine, problem.original).integrate(scene)
+                results[number] = trajectory_from_states(problem, *states)
         except FlexlinkError as error:
             results[number] = error
     block, values = None, []
@@ -130,12 +116,6 @@ def _ends(plan: Plan, numbers: Sequence[int], stop: Stop) -> list[Row | Outcome]
         else:
             results[number] = end
     return [results[number] for number in numbers]
-
-
-def _integrated(scene: Scene, engine: str) -> Trajectory:
-    """Run the scene in another engine."""
-    problem = problem_of(scene)
-    return trajectory_from_states(problem, *load(engine, problem.original).integrate(scene))
 
 
 def _row(plan: Plan, number: int, end: Row | Outcome) -> Row:

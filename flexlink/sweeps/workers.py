@@ -101,7 +101,8 @@ class WorkerPool:
 def pool_of(executor: Executor | Callable[[], Executor] | None, workers: int, dask: str | None) -> Iterator[WorkerPool]:
     """Pool with the caller's executor, or one made by the caller's function, or an executor for `dask` or `workers`."""
     if isinstance(executor, Executor):  # the caller shuts it down
-        yield WorkerPool(lambda: executor, TASKS_PER_WORKER * _count_of(executor))
+        workers = int(getattr(executor, "_max_workers", 0) or os.cpu_count() or 1)
+        yield WorkerPool(lambda: executor, TASKS_PER_WORKER * workers)
     elif callable(executor):
         yield from _own(WorkerPool(executor, TASKS_PER_WORKER * (os.cpu_count() or 1), again=True))
     elif executor is not None:
@@ -123,27 +124,13 @@ def _own(pool: WorkerPool) -> Iterator[WorkerPool]:
         pool.executor.shutdown(wait=False, cancel_futures=True)
 
 
-def _count_of(executor: Executor) -> int:
-    """Number of workers of an executor; the number of cores if it is unknown."""
-    return int(getattr(executor, "_max_workers", 0) or os.cpu_count() or 1)
-
-
 def _on_cluster(address: str) -> Iterator[WorkerPool]:
-    """Pool on the cluster of a Dask scheduler at an address, for example tcp://10.0.0.1:8786.
-
-    Raises
-    ------
-    MissingDependencyError
-        Dask is not installed.
-    EngineError
-        No scheduler responds, or it has no workers.
-    """
+    """Pool on the cluster of a Dask scheduler at an address, for example tcp://10.0.0.1:8786."""
     try:
         distributed = importlib.import_module("distributed")
     except ImportError:
         raise MissingDependencyError(
-            f"a Dask cluster needs distributed; install it with: {how_to_install('dask')}",
-            id="package-missing",
+            f"a Dask cluster needs distributed; install it with: {how_to_install('dask')}", id="package-missing"
         ) from None
     try:
         client = distributed.Client(address, timeout=DASK_TIMEOUT, set_as_default=False)
@@ -154,8 +141,7 @@ def _on_cluster(address: str) -> Iterator[WorkerPool]:
             client.wait_for_workers(1, timeout=DASK_TIMEOUT)
         except TimeoutError:
             raise EngineError(
-                f"{address}: the scheduler has no workers; start some with: dask worker {address}",
-                id="no-scheduler",
+                f"{address}: the scheduler has no workers; start some with: dask worker {address}", id="no-scheduler"
             ) from None
         yield WorkerPool(client.get_executor, TASKS_PER_WORKER * max(4, sum(client.nthreads().values())))
 

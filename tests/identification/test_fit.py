@@ -16,12 +16,11 @@ from flexlink.cli import fit
 from flexlink.cli.main import main
 from flexlink.identification.block import Colour, colour_of
 from flexlink.identification.coordinates import coordinate_of, coordinates_of
-from flexlink.identification.data import recorded
+from flexlink.identification.data import recorded, sources_of
 from flexlink.identification.fitted import Fitted
 from flexlink.identification.identifiability import Check
 from flexlink.identification.interval import spread_of
 from flexlink.identification.signals import STEP, Signals
-from flexlink.identification.sources import sources_of
 from flexlink.motion.slopes_of_runs import CENTRAL_4
 from tests.conftest import ROOT, flexible, make_scene
 from tests.identification.test_fit_first_look import strip

@@ -20,16 +20,15 @@ from flexlink.identification import columns as kept_columns
 from flexlink.identification import fit as fitting
 from flexlink.identification import interval, page, solve
 from flexlink.identification.block import SHARE, Block, Colour, colour_of, whiteness
-from flexlink.identification.checked_page import identifiability
 from flexlink.identification.columns import _given, _modes, _poles, _shapes
 from flexlink.identification.coordinates import Coordinate, coordinate_of, coordinates_of, prior_rows
-from flexlink.identification.data import Source, _noise_of_sensors, _with_noise, at_times, recorded
+from flexlink.identification.data import Source, _noise_of_sensors, _with_noise, at_times, recorded, sagged
 from flexlink.identification.fitted import Fitted
 from flexlink.identification.identifiability import checked
 from flexlink.identification.interval import Spread, estimates, spread_of
 from flexlink.identification.likelihood import Likelihood, row_of
+from flexlink.identification.page import identifiability
 from flexlink.identification.signals import Signals
-from flexlink.identification.sources import sagged
 from flexlink.identification.timing import as_long, doubts_of_times, in_periods
 from flexlink.motion.slopes_of_runs import CENTRAL, CENTRAL_4, FORWARD, Places, mirrored, weights
 from tests.conftest import ROOT
@@ -160,7 +159,7 @@ class TestCoverage:
         """The variance of noise with ρ_k = a^|k| is as uncertain as for n (1 − a²)/(1 + a²) independent samples."""
         e, J = noise(np.random.default_rng(2), 200, (1.0, -0.9)), np.ones((200, 1))
         found = spread_of([([e], [J], True)], np.zeros((0, 1)))
-        (a,) = found.colours[0][0].a[1:]
+        (a,) = colour_of(e).a[1:]
         assert found.wide == pytest.approx(student.ppf(0.975, 200 * (1 - a**2) / (1 + a**2) - 1), rel=1e-6)
 
     def test_noise_coefficients_widen_intervals_by_the_final_prediction_error(self) -> None:
@@ -354,7 +353,7 @@ class TestEstimates:
             Coordinate("young", "", 2e11, True, 1.0, (1e9, 1e13), None, "Pa"),
             Coordinate("angle", "", 0.0, False, 5.0, (-20.0, 10.0), None, "deg"),
         ]
-        spread = Spread(np.diag([0.01**2, 0.02**2]), 2.0, [])
+        spread = Spread(np.diag([0.01**2, 0.02**2]), 2.0)
         young, angle = estimates(Likelihood(sought, np.array([math.log(1.9e11), 2.0]), [], []), spread)
         assert young.value == pytest.approx(1.9e11)
         assert young.deviation == pytest.approx(1.9e9)
@@ -368,7 +367,7 @@ class TestEstimates:
         row = row_of(one.blocks[0], np.array([0.0, 1.0, 2.0]))
         mass = coordinate_of(SCENE, fl.fits.FitParameter(path=MASS))
         at = Likelihood([mass], np.zeros(1), [one], [[row]])
-        _, *found = estimates(at, Spread(np.diag([9.0, 0.04, 0.01]), 2.0, []))
+        _, *found = estimates(at, Spread(np.diag([9.0, 0.04, 0.01]), 2.0))
         slope, zero = np.polyfit([0.0, 1.0, 2.0], one.blocks[0].y, 1)
         expected = [(1.0, slope, slope - 0.4, slope + 0.4, 0.2), (0.0, zero, zero - 0.2, zero + 0.2, 0.1)]
         for each, values in zip(found, expected, strict=True):

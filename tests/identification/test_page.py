@@ -382,6 +382,11 @@ class TestCheckPage:
         left = [float(row["residual tip z [m]"]) for row in table(folder / "page", "start_1")]
         np.testing.assert_allclose(left, off, rtol=0, atol=1e-12)
 
+    def test_the_page_contains_every_letter_and_marker_of_its_pictures(self, folder: Path) -> None:
+        text = (folder / "page" / "index.html").read_text("utf-8")
+        used = set(re.findall(r'<use href="#([^"]+)"', text))
+        assert used and not used - set(re.findall(r' id="([^"]+)"', text))
+
     def test_modes_are_listed_and_the_peak_of_the_prediction_is_the_first(self, folder: Path) -> None:
         first = float(table(folder / "page", "modes")[0]["frequency [Hz]"])
         rows = table(folder / "page", "spectra_1")

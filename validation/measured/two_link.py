@@ -19,13 +19,13 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
 from flexlink.identification.coordinates import coordinates_of
-from flexlink.identification.fit import covariance_of
+from flexlink.identification.data import sources_of
 from flexlink.identification.fitted import Fitted
 from flexlink.identification.interval import spread_at
 from flexlink.identification.problem import FitParameter, FitProblem
 from flexlink.identification.signals import Signals
 from flexlink.identification.solve import Search
-from flexlink.identification.sources import sources_of
+from flexlink.identification.systematic import covariance_of
 from flexlink.motion.simulate import simulate
 from validation.measured.readings import FittedInputs
 from validation.sources import ROOT
