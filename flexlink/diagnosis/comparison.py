@@ -184,17 +184,6 @@ def load_file(
     Return its format, its engine, and the errors that the engine printed without stopping.
 
     `base` is the rotation of a floating base at zero angles; the base in the file must float as well.
-
-    Raises
-    ------
-    DataFileError
-        The file cannot be read, is not MJCF, URDF or SDF, is too large, or the engine refuses it.
-    ArgumentError
-        The engine does not support this format.
-    EngineError
-        The child process ended.
-    MissingDependencyError
-        The engine is not installed.
     """
     format = _format(path, n)
     name = engine or READERS[format][0]

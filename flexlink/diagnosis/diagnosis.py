@@ -142,11 +142,6 @@ def diagnose_file(
     """Diagnose an engine that has loaded a foreign file: compare its quantities and what it has read.
 
     The actuators of the file are compared with the drive of the `scene`, if there is one.
-
-    Raises
-    ------
-    ArgumentError
-        The chain has springs of rotation vectors, which no file format supports.
     """
     if chain.has_rotation_springs:
         raise ArgumentError(

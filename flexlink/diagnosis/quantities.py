@@ -51,13 +51,7 @@ class State(NamedTuple):
 
 
 def random_states(chain: Chain, samples: int, *, seed: int = 0) -> list[State]:
-    """Return independent uniform states: angles in (−π, π); rates, drive torques and tip wrench up to `RANGE`.
-
-    Raises
-    ------
-    SingularMassError
-        M is not positive definite at any of the configurations tried.
-    """
+    """Return independent uniform states: angles in (−π, π); rates, drive torques and tip wrench up to `RANGE`."""
     random = np.random.default_rng(seed)
     return [_random(chain, random) for _ in range(samples)]
 
@@ -68,11 +62,6 @@ def mixed_states(chain: Chain, samples: int, *, seed: int = 0) -> list[State]:
     In balanced states the arm is at rest, T_EX = T_G + T_FL within `IMBALANCE`, and all spring torques are similar;
     accelerations are so small that an error of 1e-9 in one spring is visible. In stretched states, springs are relaxed,
     active joints are at multiples of 90°, and there are no loads; the arm hangs, is upright, folded or horizontal.
-
-    Raises
-    ------
-    SingularMassError
-        M is not positive definite at any of the configurations tried.
     """
     random = np.random.default_rng(seed)
     kinds = (_random, _balanced, _random, _stretched, _random, _balanced, _random, _moving)
@@ -141,8 +130,7 @@ class Term(NamedTuple):
 
 QUANTITIES: dict[str, Term] = {
     "M": Term(
-        lambda e, s: e.mass_matrix(s.q),
-        lambda c, s, one, other: in_units(one - other, rounding.of_mass_matrix(c, s.q)),
+        lambda e, s: e.mass_matrix(s.q), lambda c, s, one, other: in_units(one - other, rounding.of_mass_matrix(c, s.q))
     ),
     "T_G": Term(
         lambda e, s: e.gravity_torque(s.q),

@@ -171,13 +171,7 @@ def wrench_function(problem: InitialValueProblem) -> TipWrench | None:
 
 
 def refuse_sampled_inputs(engine: str, scene: Scene) -> None:
-    """Refuse inputs that engines with their own time stepping do not support; their runs always start at t = 0.
-
-    Raises
-    ------
-    ArgumentError
-        An input uses a zero-order hold, the reference has jumps, or the run does not start at t = 0.
-    """
+    """Refuse inputs that engines with their own time stepping do not support; their runs always start at t = 0."""
     unsupported = [f"{name}.hold = True" for name in ("drive", "wrench") if getattr(scene, name).hold]
     unsupported += [] if scene.drive.rate is None else [f"drive.rate = {scene.drive.rate!r}"]
     if (course := scene.course) is not None and (scene.drive.kind != "pd" or course.jumps.size):
@@ -191,13 +185,7 @@ def refuse_sampled_inputs(engine: str, scene: Scene) -> None:
 
 
 def refuse_method(engine: str, method: str, known: Collection[str]) -> None:
-    """Refuse an integration method that the engine does not have.
-
-    Raises
-    ------
-    ArgumentError
-        The method is not one of `known`.
-    """
+    """Refuse an integration method that the engine does not have."""
     if method not in known:
         raise ArgumentError(
             f"method = {method!r}: {engine} supports only {' and '.join(map(repr, known))}; set run.method",
@@ -206,13 +194,7 @@ def refuse_method(engine: str, method: str, known: Collection[str]) -> None:
 
 
 def refuse_prescribed_motion(engine: str, chain: Chain) -> None:
-    """Refuse a chain with prescribed motions for an engine that does not support them.
-
-    Raises
-    ------
-    ArgumentError
-        A joint has a prescribed motion.
-    """
+    """Refuse a chain with prescribed motions for an engine that does not support them."""
     prescribed = np.flatnonzero(chain.held)
     if len(prescribed):
         raise ArgumentError(
@@ -223,15 +205,7 @@ def refuse_prescribed_motion(engine: str, chain: Chain) -> None:
 
 
 def fixed_steps_problem(scene: Scene) -> InitialValueProblem:
-    """Return the problem of a scene that other engines can also integrate.
-
-    Raises
-    ------
-    ArgumentError
-        The run does not use fixed steps of an explicit method, or the chain has force elements other than drag.
-    UnstableStepError
-        The step exceeds the stability limit, and `run.unstable` does not allow it.
-    """
+    """Return the problem of a scene that other engines can also integrate."""
     problem = problem_of(scene)
     if unknown := problem.chain.forces.keys() - {"drag"}:
         raise ArgumentError(

@@ -71,13 +71,6 @@ class ChildProcess:
             Time limit [s]; 0: none.
         function, arguments, named
             The function, which the child imports by name, and its arguments. Arguments and result are pickled.
-
-        Raises
-        ------
-        FlexlinkError
-            Any such error that the function raises.
-        EngineError
-            The function raises another error, the process crashes, or the call does not return in time.
         """
         if self._calls.closed:
             raise self._failure(what, seconds)
@@ -189,15 +182,7 @@ def _in_child(method: Any) -> Any:
 
 
 class IsolatedEngine:
-    """Engine `name` with a chain or a file; implements `Engine` and runs every method in a child process.
-
-    Raises
-    ------
-    FlexlinkError
-        Any such error that the engine raises.
-    EngineError
-        The engine raises another error, its process crashes, or it does not answer in time.
-    """
+    """Engine `name` with a chain or a file; implements `Engine` and runs every method in a child process."""
 
     def __init__(self, name: str, source: Chain | ForeignFile) -> None:
         self.name, self._source = name, source.name if isinstance(source, Chain) else str(source.path)

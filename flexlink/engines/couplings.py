@@ -43,13 +43,7 @@ def of_matrices(fields: Mapping[str, Array]) -> NDArray[np.void]:
 
 
 def of_elements(elements: Iterable[ET.Element], joints: Sequence[str]) -> NDArray[np.void]:
-    """Return the couplings that flexlink's custom elements in a file specify; couplings of the same joint pair add up.
-
-    Raises
-    ------
-    ArgumentError
-        An element does not name two joints of the file, or a constant is missing or not a number.
-    """
+    """Return the couplings that flexlink's elements in a file specify; couplings of the same joint pair add up."""
     number, found = {name: k for k, name in enumerate(joints)}, dict[tuple[int, int], Array]()
     for element in elements:
         ends = [element.get(key, "") for key in ("inner", "outer")]
@@ -111,13 +105,7 @@ def excess_of(chain: Chain, read: Callable[[], Chain]) -> Excess | None:
 
 
 def refuse_in_files(engine: str, path: Path) -> None:
-    """Refuse a file with rotation-vector springs, which only chains built by flexlink support.
-
-    Raises
-    ------
-    ArgumentError
-        The file has such springs.
-    """
+    """Refuse a file with rotation-vector springs, which only chains built by flexlink support."""
     if ROTATION_SPRINGS.encode() in path.read_bytes():
         raise ArgumentError(
             f"the file has rotation-vector springs, which {engine} would read as springs of angles; compare the "

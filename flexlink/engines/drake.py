@@ -92,13 +92,7 @@ class DrakeEngine(OwnElements):
 
     @classmethod
     def from_file(cls, file: base.ForeignFile) -> Self:
-        """Load a foreign SDF file.
-
-        Raises
-        ------
-        ArgumentError
-            Drake refuses the file, or it has joint types that flexlink does not support.
-        """
+        """Load a foreign SDF file."""
         engine, text = cls.__new__(cls), file.path.read_text(encoding="utf-8")
         refuse_in_files("Drake", file.path)
         try:
@@ -325,13 +319,7 @@ ONE_AXIS = (RevoluteJoint, PrismaticJoint)
 
 
 def moving_joints(plant: Any) -> list[Any]:
-    """Return the joints that can move, in Drake's order.
-
-    Raises
-    ------
-    ArgumentError
-        A joint is of a type that `require_joints` does not allow.
-    """
+    """Return the joints that can move, in Drake's order."""
     known = (*ONE_AXIS, QuaternionFloatingJoint)
     joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
     moving = sorted((joint for joint in joints if joint.num_velocities()), key=lambda joint: joint.velocity_start())

@@ -81,13 +81,7 @@ class MujocoEngine(OwnElements):
 
     @classmethod
     def from_file(cls, file: base.ForeignFile) -> Self:
-        """Load a foreign MJCF or URDF file and the files that it includes.
-
-        Raises
-        ------
-        ArgumentError
-            MuJoCo refuses the file, or it has joint types that flexlink does not support.
-        """
+        """Load a foreign MJCF or URDF file and the files that it includes."""
         refuse_in_files("MuJoCo", file.path)
         try:
             with quiet(), warnings.catch_warnings(action="ignore"):  # ignore deprecated attributes

@@ -70,13 +70,7 @@ class PinocchioEngine(OwnElements):
 
     @classmethod
     def from_file(cls, file: ForeignFile) -> Self:
-        """Load a foreign URDF file; continuous joints become revolute joints with wide limits.
-
-        Raises
-        ------
-        ArgumentError
-            Pinocchio refuses the file, or it has joint types that flexlink does not support.
-        """
+        """Load a foreign URDF file; continuous joints become revolute joints with wide limits."""
         refuse_in_files("Pinocchio", file.path)
         robot = ET.parse(file.path).getroot()
         for joint in robot.findall("joint[@type='continuous']"):
@@ -250,13 +244,7 @@ def degrees_of_freedom(model: Any) -> dict[str, int]:
 
 
 def transmissions(robot: ET.Element, names: Sequence[str]) -> Array:
-    """Return the reduction of every joint's <transmission>, 0 if it has none, shape (n,).
-
-    Raises
-    ------
-    ArgumentError
-        A reduction is not a number.
-    """
+    """Return the reduction of every joint's <transmission>, 0 if it has none, shape (n,)."""
     gear = dict.fromkeys(names, 0.0)
     for element in robot.findall("transmission"):
         reduction = element.findtext(".//mechanicalReduction") or "1"

@@ -28,14 +28,7 @@ Indices = NDArray[np.intp]
 
 AXIS_FIELDS = ("axes", "points")
 BODY_FIELDS = ("masses", "centers", "inertias")
-JOINT_FIELDS = (
-    "stiffness",
-    "rest",
-    "damping",
-    "coulomb",
-    "coulomb_width",
-    "armature",
-)  # also fields of `HINGE`
+JOINT_FIELDS = ("stiffness", "rest", "damping", "coulomb", "coulomb_width", "armature")  # also fields of `HINGE`
 ACTUATOR_FIELDS = ("gear", "servo_stiffness", "servo_damping", "constant_torque", "effort")
 
 
@@ -148,13 +141,7 @@ class ReadBack:
         return dataclasses.replace(self, parents=place[self.parents[order]], **fields)
 
     def require_sound(self) -> None:
-        """Check that the values the engine has read are valid.
-
-        Raises
-        ------
-        ArgumentError
-            A number is not finite, or an axis is not a unit vector; the message names the joint.
-        """
+        """Check that the values the engine has read are valid."""
         for field in (*AXIS_FIELDS, *BODY_FIELDS, *JOINT_FIELDS, *COUPLED_FIELDS, *ACTUATOR_FIELDS[:-1]):
             rows = getattr(self, field).reshape(self.n, -1)
             bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))
@@ -201,11 +188,6 @@ def require_joints(joints: Sequence[tuple[str, str]]) -> None:
     ----------
     joints
         Name of every movable joint, and its type if it is not supported, else "".
-
-    Raises
-    ------
-    ArgumentError
-        A joint has an unsupported type, or there is no joint.
     """
     for name, kind in joints:
         if kind:

@@ -32,11 +32,6 @@ def run_in_steps(
     """Return the samples of a run with fixed steps; a floating base is described in its initial coordinates.
 
     After a large rotation the steps continue in new base coordinates, which the engine also receives, as in flexlink.
-
-    Raises
-    ------
-    DivergenceError
-        The state is no longer finite; the error contains the samples up to that time.
     """
     samples = t, q, qd = allocate_samples(problem)
     reference = theirs.reference

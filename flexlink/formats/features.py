@@ -96,16 +96,6 @@ def unsupported(scene: Scene, chain: Chain, *, format: str) -> dict[str, str]:
         The scene and its chain, from `lump`.
     format
         Name of a format, "urdf", "mjcf" or "sdf".
-
-    Returns
-    -------
-    dict
-        Maps each feature to what happens instead. Empty if the file represents the complete scene.
-
-    Raises
-    ------
-    ArgumentError
-        The format is unknown.
     """
     require_one_of("format", format, dict.fromkeys(("urdf", "mjcf", "sdf")))
     return {

@@ -54,13 +54,7 @@ from flexlink.formats.document import (
     xml_joint_names,
     xml_link_names,
 )
-from flexlink.formats.principal import (
-    SMALLEST,
-    _inertial,
-    _largest_possible,
-    _principal,
-    _require_loadable,
-)
+from flexlink.formats.principal import SMALLEST, _inertial, _largest_possible, _principal, _require_loadable
 from flexlink.kernels.layout import BODY, HINGE, SLIDES
 
 JOINT_ATTRIBUTES = {
@@ -371,13 +365,7 @@ def add_tendons(root: ET.Element, chain: Chain, joints: Sequence[str]) -> None:
 
 
 def diagonal_remainder(chain: Chain, field: str) -> Array:
-    """Return K_ii − Σ_j |K_ij| for `field` "stiffness", or D_ii − Σ_j |D_ij| for "damping", shape (n,).
-
-    Raises
-    ------
-    ArgumentError
-        A value is negative; the message names the joint and its link.
-    """
+    """Return K_ii − Σ_j |K_ij| for `field` "stiffness", or D_ii − Σ_j |D_ij| for "damping", shape (n,)."""
     own, taken, value = chain.hinges[field], np.zeros(chain.n), np.abs(chain.couplings[field])
     for end in ("inner", "outer"):
         np.add.at(taken, chain.couplings[end], value)

@@ -255,13 +255,6 @@ def chain_of(
         Mass of a floating base.
     coupled
         Custom elements written by `document.couplings`.
-
-    Raises
-    ------
-    DataFileError
-        There is no hinge or no tip, two hinges have the same coordinate, the parent of a hinge or tip does not
-        precede it, a mass, spring or damper is negative, M is indefinite, or a spring between hinges is stiffer than
-        the geometric mean of the hinges' own springs.
     """
     floats = own.element.get(f"{prefix}{BASE}") is not None
     attitude = own.rotation(f"{prefix}{BASE}") if floats else None

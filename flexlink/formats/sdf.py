@@ -44,17 +44,7 @@ from flexlink.formats.document import (
     tree_attributes,
     valid,
 )
-from flexlink.formats.reading import (
-    End,
-    Hinge,
-    Mass,
-    Node,
-    chain_of,
-    coordinate,
-    inertia_matrix,
-    link_of,
-    read,
-)
+from flexlink.formats.reading import End, Hinge, Mass, Node, chain_of, coordinate, inertia_matrix, link_of, read
 from flexlink.kernels.layout import BODY, HINGE, SLIDES
 
 NAMESPACES = {"xmlns:drake": "http://drake.mit.edu", "xmlns:flexlink": "urn:flexlink"}

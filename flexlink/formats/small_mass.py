@@ -29,17 +29,6 @@ def with_small_mass(chain: Chain, *, mass: float) -> Chain:
         The chain.
     mass
         m [kg].
-
-    Returns
-    -------
-    Chain
-        A chain with the same coordinates; `added_inertia` bounds the change of its motion.
-
-    Raises
-    ------
-    ArgumentError
-        `mass` is not a finite number > 0, or hinges at one point have rotation-vector springs, which allow no bodies
-        between the hinges.
     """
     if require_type("chain", chain, Chain).has_rotation_springs:
         raise ArgumentError(
@@ -63,16 +52,6 @@ def added_inertia(chain: Chain, q: ArrayLike, *, mass: float) -> float:
         Joint coordinates, shape (n,) [rad, m].
     mass
         As in `with_small_mass` [kg].
-
-    Returns
-    -------
-    float
-        δ; infinite if M is singular without the small masses.
-
-    Raises
-    ------
-    ArgumentError
-        `mass` is not a finite number > 0, or `q` is not n finite numbers.
     """
     added = _filled(require_type("chain", chain, Chain), positive("mass", mass), keep=False)
     try:

@@ -25,21 +25,9 @@ from flexlink.robots.paths import Part, Paths
 
 
 def assembled(
-    name: str,
-    way: Paths,
-    flexible: Mapping[str, FlexibleLink],
-    armature: Mapping[str, float],
-    gravity: Vector3,
+    name: str, way: Paths, flexible: Mapping[str, FlexibleLink], armature: Mapping[str, float], gravity: Vector3
 ) -> tuple[Scene, list[ImportedLink]]:
-    """Return the scene and its imported links; Young's moduli are not yet tuned to frequencies.
-
-    Raises
-    ------
-    DataFileError
-        A floating base has no mass, or no inertia about some axis.
-    SceneError, ArgumentError
-        As in `bent`; or an armature is negative.
-    """
+    """Return the scene and its imported links; Young's moduli are not yet tuned to frequencies."""
     names = _names(way)
     parts = list(_imported_links(way, names, flexible, armature))
     links: list[Link] = []

@@ -37,13 +37,7 @@ class KnownArm(Spec, frozen=True):
 
     @property
     def path(self) -> Path:
-        """Path of the installed file.
-
-        Raises
-        ------
-        MissingDependencyError
-            example-robot-data is not installed, or has no such file.
-        """
+        """Path of the installed file."""
         path = folder() / self.file
         if not path.exists():
             raise MissingDependencyError(
@@ -54,13 +48,7 @@ class KnownArm(Spec, frozen=True):
 
 @functools.cache
 def folder() -> Path:
-    """Return the folder in which example-robot-data installs its robots, under the package's prefix.
-
-    Raises
-    ------
-    MissingDependencyError
-        The package is not installed, or has no robots folder.
-    """
+    """Return the folder in which example-robot-data installs its robots, under the package's prefix."""
     try:
         package = importlib.metadata.distribution(PACKAGE)
     except importlib.metadata.PackageNotFoundError:
@@ -86,13 +74,7 @@ def known_arms() -> dict[str, KnownArm]:
 
 
 def known_arm(name: str) -> KnownArm:
-    """Return the arm with this name.
-
-    Raises
-    ------
-    ArgumentError
-        There is no such arm.
-    """
+    """Return the arm with this name."""
     arms = known_arms()
     if name not in arms:
         raise ArgumentError(

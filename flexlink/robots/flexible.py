@@ -120,13 +120,6 @@ def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) ->
         Specification of the flexible link.
     next_origin
         Origin of the next joint in the link's frame [m]; the beam ends there unless `line` is given.
-
-    Raises
-    ------
-    SceneError
-        The line has no length.
-    ArgumentError
-        The link has no mass, or the beam is too heavy for it; the message states the largest possible mass.
     """
     if not part.body.mass:
         raise ArgumentError(
@@ -182,10 +175,7 @@ def _warning(part: Part, flexible: FlexibleLink, largest: float, length: float) 
     if length > 100.0:
         remedy = f"likely given in mm: in SI {length / 1e3:.4g} m; write the file's lengths in m"
     carries = f"can carry only {100 * share:.2g} % of the link's mass"
-    return Diagnostic(
-        f"{part.link}: a beam {beam}, {length:.4g} m, {carries}; {remedy}",
-        "beam-light",
-    )
+    return Diagnostic(f"{part.link}: a beam {beam}, {length:.4g} m, {carries}; {remedy}", "beam-light")
 
 
 def payload(body: SpatialInertia) -> RigidBody:

@@ -317,13 +317,6 @@ def living_paths(
     """Return the moving parts of a robot, and the joints that are fixed because nothing beyond them has inertia.
 
     `rotors` are the joints with an armature. The other parameters are as in `paths`; `tip` None means all ends.
-
-    Raises
-    ------
-    ArgumentError
-        As in `paths`.
-    DataFileError
-        A joint on the path to a named tip has no inertia attached, all joints have none, or no link has inertia.
     """
     still: dict[str, None] = {}
     while True:
@@ -425,13 +418,7 @@ def clamped_frequency(scene: Scene, link: str) -> float:
 
 
 def tuned(scene: Scene, link: str, hertz: float) -> Scene:
-    """Return the scene with the link's Young's modulus set so that `clamped_frequency` is `hertz`.
-
-    Raises
-    ------
-    ArgumentError
-        A frequency of this size is not proportional to √E in float64, or E would overflow.
-    """
+    """Return the scene with the link's Young's modulus set so that `clamped_frequency` is `hertz`."""
     name = scene.arm.links[scene.arm.number(link) - 1].material or link
     material, ratio = scene.arm.materials[name], hertz / clamped_frequency(scene, link)
     young = material.young * (ratio * ratio)

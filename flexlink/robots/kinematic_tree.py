@@ -90,12 +90,6 @@ class Robot:
         the link or joint that has it, and its value, for each.
     doubts
         Warnings about angles that are likely in degrees.
-
-    Raises
-    ------
-    DataFileError
-        The robot is not a tree (no links, a missing link, a link with two parent joints, several roots, a loop), or
-        joints mimic each other in a circle or mimic a missing joint.
     """
 
     name: str
@@ -199,10 +193,7 @@ def _check_roots(robot: Robot) -> None:
     circle = [link for link in robot.links if link not in reached]
     if circle:
         they_form = f"link {circle[0]} forms" if len(circle) == 1 else f"links {short_list(circle)} form"
-        raise DataFileError(
-            f"{they_form} a loop; closed loops are not supported: take a joint out",
-            id="closed-loop",
-        )
+        raise DataFileError(f"{they_form} a loop; closed loops are not supported: take a joint out", id="closed-loop")
 
 
 def _check_mimics(robot: Robot) -> None:
@@ -238,13 +229,7 @@ def positions_of(robot: Robot, stated: Mapping[str, float]) -> dict[str, float]:
 
 
 def check_stated(robot: Robot, posture: Mapping[str, float], locked: Mapping[str, float]) -> None:
-    """Check that the given positions are within the limits and belong to joints that have a position.
-
-    Raises
-    ------
-    ArgumentError
-        A position is invalid; the message names the joint, its value and the allowed range.
-    """
+    """Check that the given positions are within the limits and belong to joints that have a position."""
     for key, stated in (("posture", posture), ("locked", locked)):
         for name, value in stated.items():
             _check(robot, key, name, value)

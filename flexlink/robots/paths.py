@@ -128,12 +128,6 @@ def paths(
         Whether the base's link floats; links not beyond it are then ignored.
     still
         Other joints on the path that are fixed.
-
-    Raises
-    ------
-    ArgumentError
-        The robot has no link or joint of this name; a position is beyond limits, given twice or given for a joint that
-        has no position; or there is no path from base outward to tip, or no path with a joint that can move freely.
     """
     base = robot.root if base is None else _link(robot, "base", base)
     check_stated(robot, posture, locked)

@@ -75,13 +75,7 @@ class Study:
 
     @property
     def run(self) -> Trajectory:
-        """The scene's run.
-
-        Raises
-        ------
-        FlexlinkError
-            The run failed; `attempt` is the reason.
-        """
+        """The scene's run."""
         if isinstance(self.attempt, FlexlinkError):
             raise FlexlinkError("no run: see “Motion”", id="no-run")
         return self.attempt
@@ -111,12 +105,6 @@ class Study:
 
     @cached_property
     def rest(self) -> Equilibrium:
-        """Static equilibrium with the driven joints locked at their initial positions.
-
-        Raises
-        ------
-        FlexlinkError
-            There is no equilibrium; see `solve_static`.
-        """
+        """Static equilibrium with the driven joints locked at their initial positions."""
         wrench, frame = initial_wrench(self.scene, self.chain)
         return rest_of(self.chain, self.start[0], tip_wrench=wrench, frame=frame)

@@ -49,14 +49,14 @@ def _hinge_error(about: Refinement) -> list[str]:
             f"Tip error from the number of hinges: unknown. More hinges still move the tip by {_length(limit.error)}, "
             f"as in motion that amplifies small errors. Until {number(until)} s the two finest models differ by less "
             f"than {percent(ENOUGH)} of the tip’s travel; to get an estimate, shorten the run to that time "
-            "(run.duration).",
+            "(run.duration)."
         ]
     order = f"observed order {number(limit.order, 2)}, " if math.isfinite(limit.order) else ""
     return [
         f"Tip error from the number of hinges: {_length(about.of_hinges)}, "
         f"{percent(about.of_hinges / about.study.travel)} of the tip’s travel, without the error of the steps, "
         f"relative to the converged model ({order}known to ±{_length(limit.error, '')}). Data of joints, loads and "
-        "materials are not checked here; that requires measurements.",
+        "materials are not checked here; that requires measurements."
     ]
 
 

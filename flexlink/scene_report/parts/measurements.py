@@ -65,7 +65,7 @@ def _about_fits(fits: Sequence[Fit], best: Fit | None) -> list[str]:
     if best is None:
         return [
             "No single parameter of the scene explains the difference; check the units and the order of the columns. "
-            f"With the best, {fits[0].number.what} {_change(fits[0])}, {_share(fits[0].remaining)} of it remains.",
+            f"With the best, {fits[0].number.what} {_change(fits[0])}, {_share(fits[0].remaining)} of it remains."
         ]
     sentences = [
         f"Best explanation: {best.number.what} {_change(best)}, {_value(best)} instead of "

@@ -47,7 +47,7 @@ def made(study: Study) -> Part | None:
     sentences = [
         f"Residual vibration: {number(1e3 * left)} mm after the reference ends ({number(end)} s). At the end of the "
         f"run the tip is {number(1e3 * off)} mm from its target, its static position at the final joint angles "
-        "including gravity sag.",
+        "including gravity sag."
     ]
     if way > 0:
         sentences.append(f"Overshoot: {number(1e3 * run.overshoot(target=target))} mm.")
