@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 from collections import Counter
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from flexlink.common.types import Array, Indices
 from flexlink.diagnosis.mistakes import _names
 from flexlink.engines.coordinates import BASE_JOINTS
-from flexlink.engines.couplings import COUPLED_FIELDS
-from flexlink.engines.read_back import ACTUATOR_FIELDS, AXIS_FIELDS, BODY_FIELDS, JOINT_FIELDS, ReadBack
-
-IN_ORDER = (*AXIS_FIELDS, "slides", *JOINT_FIELDS)
+from flexlink.engines.read_back import ReadBack
 
 
 class Match(NamedTuple):
@@ -48,9 +44,7 @@ class Match(NamedTuple):
         if self.positions is None:
             return None
         joints = np.argsort(self.positions)
-        fields: dict[str, Any] = {field: getattr(self.record, field)[joints] for field in IN_ORDER}
-        fields |= {field: getattr(self.record, field)[np.ix_(joints, joints)] for field in COUPLED_FIELDS}
-        return dataclasses.replace(self.record, names=tuple(self.record.names[k] for k in joints), **fields), joints
+        return self.record.in_order(joints, np.arange(len(joints)), parents=self.record.parents), joints
 
 
 def match_joints(ours: ReadBack, theirs: ReadBack) -> Match | tuple[str, str]:
@@ -72,13 +66,9 @@ def match_joints(ours: ReadBack, theirs: ReadBack) -> Match | tuple[str, str]:
     else:
         order, by = sequence[_regrouped(ours, theirs.axes[sequence])], "order"
     bodies = order if sequence is None else sequence
-    of_joints = (*IN_ORDER, "frames", *ACTUATOR_FIELDS)
-    fields: dict[str, Any] = {field: getattr(theirs, field)[order] for field in of_joints}
-    fields |= {field: getattr(theirs, field)[np.ix_(order, order)] for field in COUPLED_FIELDS}
-    fields |= {field: getattr(theirs, field)[bodies] for field in BODY_FIELDS}
-    fields["parts"] = theirs.parts._replace(owner=np.argsort(bodies)[theirs.parts.owner])
-    fields |= {field: getattr(ours, field) for field in theirs.unspecified | ours.unspecified if hasattr(ours, field)}
-    record = dataclasses.replace(theirs, names=ours.names, parents=ours.parents, tip_on=ours.tip_on, **fields)
+    fields = {"names", "parents", "tip_on", *theirs.unspecified, *ours.unspecified}
+    own = {field: getattr(ours, field) for field in fields if hasattr(ours, field)}
+    record = theirs.in_order(order, bodies, **own)
     positions = None if sequence is None else np.argsort(sequence)[order]
     if branches:
         parents = np.append(np.argsort(order), -1)[theirs.parents[order]]

@@ -193,19 +193,19 @@ def refuse_method(engine: str, method: str, known: Collection[str]) -> None:
         )
 
 
-def refuse_prescribed_motion(engine: str, chain: Chain) -> None:
+def refuse_held_joints(engine: str, chain: Chain) -> None:
     """Refuse a chain with prescribed motions for an engine that does not support them."""
-    prescribed = np.flatnonzero(chain.held)
-    if len(prescribed):
+    held = np.flatnonzero(chain.held)
+    if len(held):
         raise ArgumentError(
-            f"{chain.name}: the motion of joint {chain.joint_name(int(prescribed[0]))!r} is prescribed, which {engine} "
-            "does not support; use native or pinocchio, or remove the motion from the scene",
+            f"{chain.name}: the motion of joint {chain.joint_name(int(held[0]))!r} is prescribed, which "
+            f"{engine} does not support; use native or pinocchio, or remove the motion from the scene",
             id="engine-does-not-support",
         )
 
 
-def fixed_steps_problem(scene: Scene) -> InitialValueProblem:
-    """Return the problem of a scene that other engines can also integrate."""
+def fixed_steps_problem(scene: Scene, engine: str = "") -> InitialValueProblem:
+    """Return the problem of a scene that other engines can also integrate; a named `engine` holds no joints."""
     problem = problem_of(scene)
     if unknown := problem.chain.forces.keys() - {"drag"}:
         raise ArgumentError(
@@ -218,6 +218,8 @@ def fixed_steps_problem(scene: Scene) -> InitialValueProblem:
             id="engine-method",
         )
     check_step(problem)
+    if engine:
+        refuse_held_joints(engine, problem.chain)
     return problem
 
 

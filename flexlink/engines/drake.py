@@ -11,7 +11,6 @@ a floating base runs in flexlink's coordinates: the scene's Runge-Kutta method i
 
 from __future__ import annotations
 
-import dataclasses
 import importlib.metadata
 import re
 from collections.abc import Mapping, Sequence
@@ -45,39 +44,21 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines import base, couplings
 from flexlink.engines.coordinates import BASE_JOINTS, Coordinates, Floating
-from flexlink.engines.couplings import OwnElements, excess_of, refuse_in_files
+from flexlink.engines.other_program import OtherProgram, excess_of, refuse_in_files
 from flexlink.engines.read_back import ReadBack, merge_bodies, no_actuators, require_joints
-from flexlink.engines.steps import run_in_steps
 from flexlink.formats.document import loaded_tip, tips
 from flexlink.formats.sdf import read_sdf, sdf_names, to_sdf
 
 OWN = "{urn:flexlink}"
 
 
-class DrakeEngine(OwnElements):
-    """A chain in Drake.
+class DrakeEngine(OtherProgram):
+    """A chain in Drake: its `plant` and `context`, with the numbers of flexlink's custom elements as in `ReadBack`."""
 
-    Attributes
-    ----------
-    text
-        The exported file.
-    plant, context
-        Drake's plant and its context.
-    coordinates
-        Map between flexlink's and Drake's coordinates.
-    rest, coulomb, coulomb_width
-        Rest angles, Coulomb torques and their widths c and w as in `HINGE`, read from the file, shape (n,).
-    couplings
-        Springs and dampers between joints, of dtype `COUPLING`, read from flexlink's custom elements.
-    unspecified
-        Fields of `ReadBack` that the file does not specify.
-    """
-
-    name = "drake"
+    name, title = "drake", "Drake"
     version: str = importlib.metadata.version("drake")
 
     def __init__(self, chain: Chain) -> None:
-        base.refuse_prescribed_motion("Drake", chain)
         try:
             exported = to_sdf(chain, shapes=False)
             names = sdf_names(chain)[1:]
@@ -94,7 +75,7 @@ class DrakeEngine(OwnElements):
     def from_file(cls, file: base.ForeignFile) -> Self:
         """Load a foreign SDF file."""
         engine, text = cls.__new__(cls), file.path.read_text(encoding="utf-8")
-        refuse_in_files("Drake", file.path)
+        refuse_in_files(cls.title, file.path)
         try:
             engine._parse(text, reference=file.base)
         except (RuntimeError, ValueError) as error:
@@ -140,16 +121,10 @@ class DrakeEngine(OwnElements):
 
     def fill_missing(self, fields: Mapping[str, Array]) -> None:
         """Set the fields of `ReadBack` that the file does not specify."""
-        self.coulomb_width = fields.get("coulomb_width", self.coulomb_width)
-        if couplings.COUPLED_FIELDS.keys() <= fields.keys():
-            self.couplings = couplings.of_matrices(fields)
+        super().fill_missing(fields)
         if "gravity" in fields:
-            self.gravity = fields["gravity"]
             self.plant = self._load(MultibodyPlant(time_step=0.0))
             self.context = self.plant.CreateDefaultContext()
-
-    def neutralize_settings(self) -> None:
-        """Do nothing, because Drake has no settings that act at a given state."""
 
     def mass_matrix(self, q: Array) -> Array:
         """Return M(q) by the composite-rigid-body algorithm (`CalcMassMatrix`)."""
@@ -198,13 +173,12 @@ class DrakeEngine(OwnElements):
     def integrate(self, scene: Scene) -> base.Samples:
         """Run `Simulator.AdvanceTo` with Drake's own Runge-Kutta method at fixed steps."""
         run, order = scene.run, self.coordinates.order
-        problem = base.fixed_steps_problem(scene)
-        base.refuse_prescribed_motion("Drake", problem.chain)
+        problem = base.fixed_steps_problem(scene, self.title)
         if self.coordinates.reference is not None or scene.arm.has_drag:
-            return run_in_steps(self.name, problem, self._accelerations, self.coordinates)
-        base.refuse_sampled_inputs("Drake", scene)
+            return self.run_in_steps(problem)
+        base.refuse_sampled_inputs(self.title, scene)
         methods = {"RK3": "runge_kutta3", "DOPRI5": "runge_kutta5"}  # flexlink's names → Drake's names
-        base.refuse_method("Drake", run.method, methods)
+        base.refuse_method(self.title, run.method, methods)
         samples = t, q, qd = base.allocate_samples(problem)
         simulator, plant = self._simulator(problem)
         state = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
@@ -224,13 +198,6 @@ class DrakeEngine(OwnElements):
             if not np.isfinite([q[row], qd[row]]).all():
                 raise base.divergence_error(self.name, problem, samples, row)
         return samples
-
-    def _accelerations(
-        self, q: Array, qd: Array, tau: Array, wrench: Array | None, *, follows: bool, prescribed: Array
-    ) -> Array:
-        if follows and wrench is not None:
-            wrench = base.rotate_wrench(self.tip_rotation(q), wrench)
-        return self.forward_dynamics(q, qd, tau, tip_wrench=wrench)
 
     def _load(self, plant: MultibodyPlant) -> MultibodyPlant:
         Parser(plant).AddModelsFromString(self.text, "sdf")
@@ -381,7 +348,7 @@ def read(
         gravity=np.array(plant.gravity_field().gravity_vector()), tip=_tip(plant, context), unspecified=unspecified,
         bodies=tuple(joint.child_body().name() for joint in joints),
     )  # fmt: skip
-    return dataclasses.replace(record.in_order(theirs.order), names=tuple(names), **own)
+    return record.in_order(theirs.order, names=tuple(names), **own)
 
 
 def _axis(joint: Any) -> Array:

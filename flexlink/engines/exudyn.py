@@ -40,7 +40,8 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.floating_base import ANGLES
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines import base
-from flexlink.engines.couplings import OwnElements, excess_of, to_matrices
+from flexlink.engines.couplings import to_matrices
+from flexlink.engines.other_program import OtherProgram, excess_of
 from flexlink.engines.read_back import ReadBack, of_chain
 from flexlink.formats import read_urdf, to_urdf
 from flexlink.formats.document import loaded_tip, places
@@ -50,7 +51,7 @@ TorqueFunction = Callable[..., Array]
 LoadFunction = Callable[..., Array]
 
 
-class ExudynEngine(OwnElements):
+class ExudynEngine(OtherProgram):
     """A chain in Exudyn.
 
     Attributes
@@ -59,11 +60,10 @@ class ExudynEngine(OwnElements):
         The chain read from the exported file.
     """
 
-    name = "exudyn"
+    name, title = "exudyn", "Exudyn"
     version: str = exu.__version__
 
     def __init__(self, chain: Chain) -> None:
-        base.refuse_prescribed_motion("Exudyn", chain)
         exported = to_urdf(chain, shapes=False)
         self.read = read_urdf(exported)
         self.excess = excess_of(chain, lambda: self.read)
@@ -85,10 +85,6 @@ class ExudynEngine(OwnElements):
         """Return T_GC: minus the torques of the tree without springs."""
         return -self._bodies.torques(q, qd, tip_wrench)
 
-    def gravity_torque(self, q: Array) -> Array:
-        """Return T_G: T_GC with zero rates."""
-        return self.bias_torque(q, np.zeros(self.n))
-
     def elastic_torque(self, q: Array) -> Array:
         """Return T_FL: minus the torques of the massless tree with zero rates."""
         return self._beyond(q) - self._springs.torques(q, np.zeros(self.n))
@@ -106,10 +102,9 @@ class ExudynEngine(OwnElements):
         # largest angle of a floating base [rad]; the angle about Y is singular at 90°
         largest_turn = 1.2
         run = scene.run
-        problem = base.fixed_steps_problem(scene)
-        base.refuse_prescribed_motion("Exudyn", problem.chain)
-        base.refuse_sampled_inputs("Exudyn", scene)
-        base.refuse_method("Exudyn", run.method, METHODS)
+        problem = base.fixed_steps_problem(scene, self.title)
+        base.refuse_sampled_inputs(self.title, scene)
+        base.refuse_method(self.title, run.method, METHODS)
         samples = t, q, qd = base.allocate_samples(problem)
         whole = self._whole
         whole.load(np.zeros(self.n), None)

@@ -47,7 +47,8 @@ def rest_angles(model: Any) -> Array:
 
 
 def fill(model: Any, theirs: Coordinates, fields: Mapping[str, Array]) -> None:
-    """Set stiffness, rest angle and armature, if given, of joints in flexlink's order."""
+    """Set gravity, and stiffness, rest angle and armature of joints in flexlink's order, if given."""
+    model.opt.gravity[:] = fields.get("gravity", model.opt.gravity)
     joints = model.dof_jntid[theirs.order]
     moving = model.jnt_type[joints] != mujoco.mjtJoint.mjJNT_FREE
     if "armature" in fields:

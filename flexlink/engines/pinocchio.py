@@ -6,14 +6,13 @@ M, recursive Newton-Euler algorithm and `aba` include the armature, which a cust
 
 A floating base is Pinocchio's `JointModelFreeFlyer`, whose coordinates are converted (`coordinates`).
 
-With prescribed joints p, the equations of the free joints f remain (Featherstone 2008, section 9.2):
+With joints p of given motion, the equations of the free joints f remain (Featherstone 2008, section 9.2):
 
     M_ff q̈_f = (T_EX − T_FL − T_FR − T_GC)_f − M_fp q̈_p
 """
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any, Self
 from xml.etree import ElementTree as ET
@@ -30,48 +29,28 @@ from flexlink.describe.scene import Scene
 from flexlink.engines import couplings
 from flexlink.engines.base import ForeignFile, Samples, fixed_steps_problem
 from flexlink.engines.coordinates import BASE_JOINTS, Coordinates, Floating
-from flexlink.engines.couplings import OwnElements, excess_of, refuse_in_files
+from flexlink.engines.other_program import OtherProgram, excess_of, refuse_in_files
 from flexlink.engines.read_back import Parts, ReadBack, merge_bodies, no_actuators, require_joints
-from flexlink.engines.steps import run_in_steps
 from flexlink.formats.document import loaded_tip, xml_joint_names
 from flexlink.formats.urdf import LIMIT, read_urdf, to_urdf
 
 
-class PinocchioEngine(OwnElements):
-    """A chain in Pinocchio.
+class PinocchioEngine(OtherProgram):
+    """A chain in Pinocchio: its `model` and `data`, with the numbers of flexlink's custom elements as in `ReadBack`."""
 
-    Attributes
-    ----------
-    model, data
-        Pinocchio's model and its data, with gravity and armature set.
-    coordinates
-        Map between flexlink's and Pinocchio's coordinates.
-    tip
-        Index of the tip frame at which the wrench acts.
-    stiffness, rest, damping, coulomb, coulomb_width, gear
-        Joint properties read from the file, shape (n,); see `ReadBack`.
-    couplings
-        Springs and dampers between joints, of dtype `COUPLING`, read from flexlink's custom elements.
-    unspecified
-        Fields of `ReadBack` that the file does not specify.
-    prescribed
-        Joints with a prescribed motion, which the file does not contain.
-    """
-
-    name = "pinocchio"
+    name, title = "pinocchio", "Pinocchio"
     version: str = pin.__version__
 
     def __init__(self, chain: Chain) -> None:
         exported = to_urdf(chain, shapes=False)
         self._parse(exported, xml_joint_names(chain), loaded_tip(chain).name)
         self.excess = excess_of(chain, lambda: read_urdf(exported))
-        prescribed = chain.held
-        self.prescribed, self._free = np.flatnonzero(prescribed), np.flatnonzero(~prescribed)
+        self.held, self._free = np.flatnonzero(chain.held), np.flatnonzero(~chain.held)
 
     @classmethod
     def from_file(cls, file: ForeignFile) -> Self:
         """Load a foreign URDF file; continuous joints become revolute joints with wide limits."""
-        refuse_in_files("Pinocchio", file.path)
+        refuse_in_files(cls.title, file.path)
         robot = ET.parse(file.path).getroot()
         for joint in robot.findall("joint[@type='continuous']"):
             joint.set("type", "revolute")
@@ -81,7 +60,7 @@ class PinocchioEngine(OwnElements):
             engine._parse(ET.tostring(robot, encoding="unicode"), base=file.base)
         except (ValueError, RuntimeError) as error:
             raise ArgumentError(f"Pinocchio cannot load the file: {error}", id="engine-cannot-load") from error
-        engine.prescribed, engine._free = np.zeros(0, dtype=np.intp), np.arange(engine.n)
+        engine.held, engine._free = np.zeros(0, dtype=np.intp), np.arange(engine.n)
         return engine
 
     def _parse(self, text: str, names: Sequence[str] = (), tip: str = "", base: Array | None = None) -> None:
@@ -135,18 +114,11 @@ class PinocchioEngine(OwnElements):
 
     def fill_missing(self, fields: Mapping[str, Array]) -> None:
         """Set the fields of `ReadBack` that the file does not specify."""
-        for field, values in fields.items():
-            if field == "gravity":
-                self.model.gravity.linear = values
-            elif field == "armature":
-                self.model.armature = values[np.argsort(self.coordinates.order)]
-            elif field not in couplings.COUPLED_FIELDS:
-                setattr(self, field, np.array(values))
-        if couplings.COUPLED_FIELDS.keys() <= fields.keys():
-            self.couplings = couplings.of_matrices(fields)
-
-    def neutralize_settings(self) -> None:
-        """Do nothing, because Pinocchio has no settings that act at a given state."""
+        super().fill_missing(fields)
+        if "gravity" in fields:
+            self.model.gravity.linear = fields["gravity"]
+        if "armature" in fields:
+            self.model.armature = fields["armature"][np.argsort(self.coordinates.order)]
 
     def mass_matrix(self, q: Array) -> Array:
         """Return M(q) by the composite-rigid-body algorithm (`crba`)."""
@@ -178,28 +150,28 @@ class PinocchioEngine(OwnElements):
         return np.asarray(self.damping * qd + self._between("damping", qd) + self._friction(qd))
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
-        """Return q̈ from the articulated-body algorithm (`aba`); prescribed joints keep their rates."""
-        return self._accelerations(q, qd, tau, tip_wrench, follows=False, prescribed=np.zeros(self.n))
+        """Return q̈ from the articulated-body algorithm (`aba`); joints with a given motion keep their rates."""
+        return self.accelerations(q, qd, tau, tip_wrench, follows=False, held=np.zeros(self.n))
 
     def integrate(self, scene: Scene) -> Samples:
         """Run the scene's Runge-Kutta method as a plain loop over `aba`."""
-        return run_in_steps(self.name, fixed_steps_problem(scene), self._accelerations, self.coordinates)
+        return self.run_in_steps(fixed_steps_problem(scene))
 
-    def _accelerations(
-        self, q: Array, qd: Array, tau: Array, wrench: Array | None, *, follows: bool, prescribed: Array
+    def accelerations(
+        self, q: Array, qd: Array, tau: Array, wrench: Array | None, *, follows: bool, held: Array
     ) -> Array:
-        """Return q̈, with the accelerations `prescribed` at prescribed joints."""
+        """Return q̈, with the accelerations `held` at joints with a given motion."""
         pushed = tau if wrench is None else tau + self._wrench_torque(q, wrench, follows=follows)
         total = pushed - self.elastic_torque(q)
         total -= self.friction_torque(qd)
-        p = self.prescribed
+        p = self.held
         if len(p) == 0:
             theirs = self.coordinates
             state = theirs.position(q), theirs.rates(q, qd)
             a = pin.aba(self.model, self.data, *state, theirs.torques(q, total))
             return theirs.our_accelerations(q, qd, a)
         f, M = self._free, self.mass_matrix(q)
-        qdd, rhs = prescribed.copy(), total - self.bias_torque(q, qd) - M[:, p] @ prescribed[p]
+        qdd, rhs = held.copy(), total - self.bias_torque(q, qd) - M[:, p] @ held[p]
         qdd[f] = np.linalg.solve(M[np.ix_(f, f)], rhs[f])
         return qdd
 
@@ -294,7 +266,7 @@ def read(
         gravity=np.array(model.gravity.linear), tip=_tip(model, data), unspecified=unspecified,
         bodies=tuple(_bodies(model)[k] for k in joints),
     )  # fmt: skip
-    return dataclasses.replace(record.in_order(theirs.order), names=tuple(names), **own)
+    return record.in_order(theirs.order, names=tuple(names), **own)
 
 
 def _bodies(model: Any) -> dict[int, str]:

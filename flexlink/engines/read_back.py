@@ -130,15 +130,23 @@ class ReadBack:
         """Number of joints."""
         return len(self.names)
 
-    def in_order(self, order: Indices) -> ReadBack:
-        """Return the record in another order: joint and body k are the original joint and body `order[k]`."""
-        of_joints = (*AXIS_FIELDS, "frames", "slides", *BODY_FIELDS, *JOINT_FIELDS, *ACTUATOR_FIELDS)
+    def in_order(self, order: Indices, bodies: Indices | None = None, **fields: Any) -> ReadBack:
+        """Return the record in another order: joint k is the original joint `order[k]`, body k is body `bodies[k]`.
+
+        By default, bodies follow their joints. Other `fields` are replaced.
+        """
+        bodies = order if bodies is None else bodies
         place = np.append(np.argsort(order), -1)  # the base, −1, stays −1
-        fields: dict[str, Any] = {field: getattr(self, field)[order] for field in of_joints}
-        fields |= {field: getattr(self, field)[np.ix_(order, order)] for field in COUPLED_FIELDS}
-        fields["parts"] = self.parts._replace(owner=place[self.parts.owner])
-        fields |= {field: tuple(getattr(self, field)[k] for k in order) for field in ("names", "bodies")}
-        return dataclasses.replace(self, parents=place[self.parents[order]], **fields)
+        of_joints = (*AXIS_FIELDS, "frames", "slides", *JOINT_FIELDS, *ACTUATOR_FIELDS)
+        moved: dict[str, Any] = {field: getattr(self, field)[order] for field in of_joints}
+        moved |= {field: getattr(self, field)[bodies] for field in BODY_FIELDS}
+        moved |= {field: getattr(self, field)[np.ix_(order, order)] for field in COUPLED_FIELDS}
+        moved |= {field: tuple(getattr(self, field)[k] for k in order) for field in ("names", "bodies")}
+        moved["parents"], moved["parts"] = (
+            place[self.parents[order]],
+            self.parts._replace(owner=np.argsort(bodies)[self.parts.owner]),
+        )
+        return dataclasses.replace(self, **moved | fields)
 
     def require_sound(self) -> None:
         """Check that the values the engine has read are valid."""
