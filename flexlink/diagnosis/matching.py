@@ -17,26 +17,15 @@ from flexlink.engines.read_back import ReadBack
 class Match(NamedTuple):
     """The joints of another record (`theirs`), matched to our joints.
 
-    Attributes
-    ----------
-    order
-        For each of our joints, its index in the other record, shape (n,).
-    positions
-        Position of each of our joints along the other chain, from 0, shape (n,); None if joints have different parents.
-    record
-        The other record with our names and order, and with our values of unspecified fields. Body k is the k-th body
-        along the other chain, so the order of joints at the same point does not matter.
-    by
-        What is equal: "names" of the joints, "bodies" (names of the joints or of the bodies they move), or "order".
-    reordered
-        Names of joints that have another position, or another parent, in the other record.
+    `record` is the other record with our names and order, and with our values of unspecified fields. Its body k is the
+    k-th body along the other chain, so the order of joints at the same point does not matter.
     """
 
-    order: Indices
-    positions: Indices | None
+    order: Indices  # for each of our joints, its index in the other record
+    positions: Indices | None  # of our joints along the other chain, from 0; None if joints have different parents
     record: ReadBack
-    by: str
-    reordered: list[str]
+    by: str  # what is equal: "names" of the joints, "bodies" (names of joints or of the bodies they move), or "order"
+    reordered: list[str]  # names of joints that have another position, or another parent, in the other record
 
     @property
     def whole(self) -> tuple[ReadBack, Indices] | None:
@@ -49,7 +38,10 @@ class Match(NamedTuple):
 
 def match_joints(ours: ReadBack, theirs: ReadBack) -> Match | tuple[str, str]:
     """Return the match, or the reason for its failure and the remedy."""
-    branches, by = _branches(ours), "names" if sorted(ours.names) == sorted(theirs.names) else "bodies"
+    branches, by = (
+        len(set(ours.parents.tolist())) < ours.n,
+        "names" if sorted(ours.names) == sorted(theirs.names) else "bodies",
+    )
     sequence, paired = None if branches else _from_base_to_tip(theirs), _paired(ours, theirs)
     floats = [{*BASE_JOINTS} <= {*read.names} for read in (ours, theirs)]
     if floats[0] != floats[1]:
@@ -88,11 +80,6 @@ def _paired(ours: ReadBack, theirs: ReadBack) -> list[int]:
     return [named.get(name, moves.get(body, -1)) for name, body in zip(ours.names, ours.bodies, strict=True)]
 
 
-def _branches(read: ReadBack) -> bool:
-    """Whether a joint has several children, in any order of the joints."""
-    return len(set(read.parents.tolist())) < read.n
-
-
 def _other_joints(ours: ReadBack, theirs: ReadBack) -> str:
     message = f"{theirs.n} joints instead of {ours.n}"
     for words, one, other in (("without", ours, theirs), ("with", theirs, ours)):
@@ -119,11 +106,7 @@ def _regrouped(ours: ReadBack, axes: Array) -> Indices:
     for first, stop in itertools.pairwise([*starts, ours.n]):
         group = positions[first:stop]
         for permuted in itertools.permutations(group) if len(group) <= 3 else ():
-            if _parallel(axes[list(permuted)], ours.axes[group]):
+            if np.abs(np.cross(axes[list(permuted)], ours.axes[group])).max() <= 1e-6:
                 positions[group] = permuted
                 break
     return positions
-
-
-def _parallel(one: Array, other: Array) -> bool:
-    return bool(np.abs(np.cross(one, other)).max() <= 1e-6)

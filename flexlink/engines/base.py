@@ -94,13 +94,7 @@ class ForeignFile(NamedTuple):
 
 
 class DriveTorque:
-    """The scene's drive as a function T_EX(t, q, q̇) that returns an array of shape (n,).
-
-    Attributes
-    ----------
-    middle
-        Midpoint of the current step [s], at which a zero-order hold is evaluated; None: evaluate at t.
-    """
+    """The scene's drive as a function T_EX(t, q, q̇) of shape (n,); a zero-order hold is evaluated at mid-step."""
 
     def __init__(self, drive: Drive, n: int) -> None:
         self.middle: float | None = None
@@ -130,23 +124,13 @@ def drag_function(problem: InitialValueProblem) -> Callable[[Array, Array], Arra
 
 
 class TipWrench:
-    """The scene's tip wrench as a function of time: force and moment (6,) in axes of frame 0 or of the tip.
-
-    Attributes
-    ----------
-    follows
-        Whether the wrench is given in axes of the tip frame; the engine rotates it with its own kinematics.
-    constant
-        Whether the wrench is constant in time.
-    middle
-        Midpoint of the current step [s], as in `DriveTorque`.
-    """
+    """The scene's tip wrench as a function of time: force and moment (6,) in axes of frame 0 or of the tip."""
 
     def __init__(self, problem: InitialValueProblem) -> None:
-        self.middle: float | None = None
+        self.middle: float | None = None  # of the current step [s], as in `DriveTorque`
         self._loads = problem.inputs.changing
         self._now, frame = wrench_at(problem.inputs, problem.start)
-        self.follows = frame == "tip"
+        self.follows = frame == "tip"  # the engine rotates the wrench with its own kinematics
         self.constant = problem.scene.wrench.times is None
 
     def begin(self, number: int, h: float, q: Array, qd: Array) -> None:

@@ -120,7 +120,7 @@ class DrakeEngine(OtherProgram):
         return read(self.plant, self.context, self.coordinates, self.names, own, self.unspecified)
 
     def fill_missing(self, fields: Mapping[str, Array]) -> None:
-        """Set the fields of `ReadBack` that the file does not specify."""
+        """Set the fields of `ReadBack` that the file does not specify, gravity in a new plant."""
         super().fill_missing(fields)
         if "gravity" in fields:
             self.plant = self._load(MultibodyPlant(time_step=0.0))
@@ -321,21 +321,17 @@ def read(
     if floats:  # flexlink's three slides and three rotations, in Drake's order
         slides[3:6], axes[:3], axes[3:6] = True, R[0].T, np.eye(3)
     behind = _behind(plant, joints)
-    springs = {spring.joint().name(): spring for spring in _springs(plant)}
-    limits = {actuator.joint().name(): actuator.effort_limit() for actuator in _actuators(plant)}
+    springs = _springs(plant)
+    actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
+    limits = {actuator.joint().name(): actuator.effort_limit() for actuator in actuators}
+    rotors = {actuator.joint().name(): actuator.default_reflected_inertia() for actuator in actuators}
     most = np.array([limits.get(joint.name(), np.inf) for joint in joints])
-    driven = np.array(
-        [float(joint.name() in limits) for joint in joints]
-    )  # the input of an actuator is the joint torque
-    rotors = {actuator.joint().name(): actuator.default_reflected_inertia() for actuator in _actuators(plant)}
-    values: dict[str, Any] = {
-        "stiffness": [_stiffness(springs[j.name()]) if j.name() in springs else 0.0 for j in joints],
-        "rest": [_rest(springs[j.name()]) if j.name() in springs else 0.0 for j in joints],
-        "damping": [joint.default_damping() if isinstance(joint, ONE_AXIS) else 0.0 for joint in joints],
-        "armature": [rotors.get(joint.name(), 0.0) for joint in joints],
-    }
-    fields: dict[str, Any] = {field: np.array(numbers, float) for field, numbers in values.items()}
-    fields |= {name: np.zeros_like(given) for name, given in own.items()}
+    driven = np.array([float(joint.name() in limits) for joint in joints])  # an actuator's input is the joint torque
+    constants = np.array([springs.get(joint.name(), (0.0, 0.0)) for joint in joints], float)
+    fields: dict[str, Any] = {name: np.zeros_like(given) for name, given in own.items()}
+    fields |= {"stiffness": constants[:, 0], "rest": constants[:, 1]}
+    fields["damping"] = np.array([j.default_damping() if isinstance(j, ONE_AXIS) else 0.0 for j in joints], float)
+    fields["armature"] = np.array([rotors.get(joint.name(), 0.0) for joint in joints], float)
     before = np.array([behind[int(joint.parent_body().index())] for joint in joints])
     first = np.array([k == 0 or joint is not joints[k - 1] for k, joint in enumerate(joints)])
     parents = np.where(first, before, np.arange(n) - 1)
@@ -356,15 +352,6 @@ def _axis(joint: Any) -> Array:
     if isinstance(joint, RevoluteJoint):
         return np.asarray(joint.revolute_axis())
     return np.asarray(joint.translation_axis()) if isinstance(joint, PrismaticJoint) else np.zeros(3)
-
-
-def _stiffness(spring: Any) -> float:
-    return float(spring.stiffness() if isinstance(spring, PrismaticSpring) else spring.default_stiffness())
-
-
-def _rest(spring: Any) -> float:
-    slides = isinstance(spring, PrismaticSpring)
-    return float(spring.nominal_position() if slides else spring.default_nominal_angle())
 
 
 def _behind(plant: Any, joints: list[Any]) -> Indices:
@@ -393,13 +380,15 @@ def _bodies(plant: Any, context: Any, behind: Indices, points: Array) -> dict[st
     return merge_bodies(behind, masses, centers, inertias, points)
 
 
-def _springs(plant: Any) -> list[Any]:
-    elements = [plant.get_force_element(ForceElementIndex(k)) for k in range(plant.num_force_elements())]
-    return [element for element in elements if isinstance(element, RevoluteSpring | PrismaticSpring)]
-
-
-def _actuators(plant: Any) -> list[Any]:
-    return [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
+def _springs(plant: Any) -> dict[str, tuple[float, float]]:
+    """Return stiffness and rest position of the springs, by the names of their joints."""
+    found = dict[str, tuple[float, float]]()
+    for spring in (plant.get_force_element(ForceElementIndex(k)) for k in range(plant.num_force_elements())):
+        if isinstance(spring, RevoluteSpring):
+            found[spring.joint().name()] = spring.default_stiffness(), spring.default_nominal_angle()
+        elif isinstance(spring, PrismaticSpring):
+            found[spring.joint().name()] = spring.stiffness(), spring.nominal_position()
+    return found
 
 
 def _tip(plant: Any, context: Any) -> Array | None:

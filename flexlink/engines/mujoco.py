@@ -104,7 +104,7 @@ class MujocoEngine(OtherProgram):
         return self.record
 
     def fill_missing(self, fields: Mapping[str, Array]) -> None:
-        """Set the fields of `ReadBack` that the file does not specify."""
+        """Set the fields of `ReadBack` that the file does not specify, most of them in the model."""
         super().fill_missing(fields)
         mujoco_reader.fill(self.model, self.coordinates, fields)
 

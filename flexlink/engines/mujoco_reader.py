@@ -39,13 +39,6 @@ def joint_names(model: Any) -> tuple[str, ...]:
     return (*base, *(_joint(model, k) for k in range(floats(model), model.njnt)))
 
 
-def rest_angles(model: Any) -> Array:
-    """Return the rest angles of the springs, shape (nv,); 0 for a floating base."""
-    rest = np.zeros(model.nv)
-    rest[model.jnt_dofadr[floats(model) :]] = model.qpos_spring[model.jnt_qposadr[floats(model) :]]
-    return rest
-
-
 def fill(model: Any, theirs: Coordinates, fields: Mapping[str, Array]) -> None:
     """Set gravity, and stiffness, rest angle and armature of joints in flexlink's order, if given."""
     model.opt.gravity[:] = fields.get("gravity", model.opt.gravity)
@@ -77,10 +70,9 @@ def read(model: Any, spec: Any = None, reference: Array | None = None) -> ReadBa
     on = {name: float(_on(model, bit)) for name, bit in (("spring", "SPRING"), ("damper", "DAMPER"))}
     frames = data.xmat.reshape(-1, 3, 3)[model.dof_bodyid]
     damping, armature = (added(model, name) for name in ("damping", "armature"))
-    own = {
-        "stiffness": _first(model.jnt_stiffness)[joints], "damping": _first(model.dof_damping) + damping,
-        "rest": rest_angles(model),
-    }  # fmt: skip
+    own = {"stiffness": _first(model.jnt_stiffness)[joints], "damping": _first(model.dof_damping) + damping}
+    own["rest"] = np.zeros(model.nv)  # 0 for a floating base
+    own["rest"][model.jnt_dofadr[floats(model) :]] = model.qpos_spring[model.jnt_qposadr[floats(model) :]]
     springs = mujoco_tendons.add_tendons(model, own)
     for flag, fields in (("spring", ("stiffness", "coupled_stiffness")), ("damper", ("damping", "coupled_damping"))):
         springs |= {field: on[flag] * springs[field] for field in fields}

@@ -78,7 +78,7 @@ class PinocchioEngine(OtherProgram):
             base = np.reshape([float(x) for x in rotation.split()], (3, 3))
         floats = () if base is None else (pin.JointModelFreeFlyer(),)
         self.model = model = pin.buildModelFromXML(text, *floats)
-        require_joints_of(model)
+        degrees = degrees_of_freedom(model)
         if model.nv > 600:  # pinocchio.Data allocates four n³ arrays for second derivatives: 7 GB
             raise ArgumentError(
                 f"{model.nv} joints: Pinocchio's data would take {32e-9 * model.nv**3:.0f} GB; at most 600 joints are "
@@ -86,7 +86,6 @@ class PinocchioEngine(OtherProgram):
                 id="too-many-joints",
             )
         self.data, self.n = pin.Data(model), model.nv  # `createData` would copy the model
-        degrees = degrees_of_freedom(model)
         self.names = tuple(names or degrees)
         order = np.array([degrees[name] for name in self.names])
         self.coordinates = Coordinates(order, base, floating)
@@ -113,7 +112,7 @@ class PinocchioEngine(OtherProgram):
         return read(self.model, self.coordinates, self.names, own, self.unspecified)
 
     def fill_missing(self, fields: Mapping[str, Array]) -> None:
-        """Set the fields of `ReadBack` that the file does not specify."""
+        """Set the fields of `ReadBack` that the file does not specify, gravity and armature in the model."""
         super().fill_missing(fields)
         if "gravity" in fields:
             self.model.gravity.linear = fields["gravity"]
@@ -196,22 +195,16 @@ def _own(elements: Sequence[ET.Element | None], key: str) -> Array:
 FREE_FLYER = "JointModelFreeFlyer"
 
 
-def require_joints_of(model: Any) -> None:
-    """Refuse a model with joints other than hinges, slides and a floating base; see `require_joints`."""
-    kinds = []
+def degrees_of_freedom(model: Any) -> dict[str, int]:
+    """Map names of supported joints to the model's numbers; a floating base has six, under flexlink's names."""
+    kinds, found = list[tuple[str, str]](), dict[str, int]()
     for name, joint in list(zip(model.names, model.joints, strict=True))[1:]:
         kind = joint.shortname()
-        known = (kind.startswith(("JointModelR", "JointModelP")) and joint.nq == joint.nv == 1) or kind == FREE_FLYER
-        kinds.append((name, "" if known else kind))
-    require_joints(kinds)
-
-
-def degrees_of_freedom(model: Any) -> dict[str, int]:
-    """Map joint names to the model's numbers; a floating base has six, under flexlink's names."""
-    found = dict[str, int]()
-    for name, joint in list(zip(model.names, model.joints, strict=True))[1:]:
-        names = BASE_JOINTS if joint.shortname() == FREE_FLYER else (name,)
+        plain = kind.startswith(("JointModelR", "JointModelP")) and joint.nq == joint.nv == 1
+        kinds.append((name, "" if plain or kind == FREE_FLYER else kind))
+        names = BASE_JOINTS if kind == FREE_FLYER else (name,)
         found |= {each: joint.idx_v + k for k, each in enumerate(names)}
+    require_joints(kinds)
     return dict(sorted(found.items(), key=lambda pair: pair[1]))
 
 
@@ -254,9 +247,9 @@ def read(
     points = p[joints]
     bodies = merge_bodies(last, masses, p + np.einsum("bij,bj->bi", R, levers), R @ I @ R.mT, points)
     most = np.array(model.upperEffortLimit)
-    most[(most <= 0) | (most >= float(LIMIT["effort"]))] = (
-        np.inf
-    )  # URDF requires a number; 0 or a huge value means no limit
+    most[(most <= 0) | (most >= float(LIMIT["effort"]))] = np.inf  # as URDF requires a number where there is no limit
+    # links that joints move; other links are fixed to them
+    links = {frame.parentJoint: frame.name for frame in reversed(model.frames) if frame.type == pin.FrameType.BODY}
     nothing: dict[str, Any] = {name: np.zeros_like(values) for name, values in own.items()}
     record = ReadBack(
         names=("",) * n, parents=parents, axes=axes, points=points, frames=R[joints], slides=slides,
@@ -264,15 +257,9 @@ def read(
         **nothing | no_actuators(n) | {"effort": np.stack([-most, most], axis=1)},
         damping=np.array(model.damping), coulomb=np.array(model.friction), armature=np.array(model.armature),
         gravity=np.array(model.gravity.linear), tip=_tip(model, data), unspecified=unspecified,
-        bodies=tuple(_bodies(model)[k] for k in joints),
+        bodies=tuple(links.get(k, "") for k in joints),
     )  # fmt: skip
     return record.in_order(theirs.order, names=tuple(names), **own)
-
-
-def _bodies(model: Any) -> dict[int, str]:
-    """Return the name of the link that each joint moves, by the joint's number; other links are fixed to it."""
-    bodies = {frame.parentJoint: frame.name for frame in reversed(model.frames) if frame.type == pin.FrameType.BODY}
-    return dict.fromkeys(range(model.njoints), "") | bodies
 
 
 def _parts(model: Any, R: Array, last: Indices) -> Parts:

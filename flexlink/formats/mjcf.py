@@ -114,7 +114,10 @@ def to_mjcf(
     """
     most_bodies = 490  # MuJoCo's XML parser stops at 500 nested elements
     refuse_states(require_type("chain", chain, Chain), "no file represents it")
-    if (nested := _nested(chain)) > most_bodies:
+    depth = [0]
+    for parent in chain.bodies["parent"].tolist():
+        depth.append(1 + depth[parent])
+    if (nested := max(depth)) > most_bodies:
         raise ArgumentError(
             f"{chain.name}: {nested} bodies: MuJoCo reads at most {most_bodies}; use fewer segments, or URDF",
             id="too-many-joints",
@@ -165,14 +168,6 @@ def depth_first(chain: Chain) -> Indices:
     return np.array(order, dtype=np.intp)
 
 
-def _nested(chain: Chain) -> int:
-    """Return the largest nesting depth of the bodies."""
-    depth = [0]
-    for parent in chain.bodies["parent"].tolist():
-        depth.append(1 + depth[parent])
-    return max(depth)
-
-
 def _bodies(world: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> None:
     """Write nested bodies and tips; exact values of numbers that MJCF rounds are added to `own`."""
     joints, links, shown = xml_joint_names(chain), xml_link_names(chain), capsules_behind(chain) if shapes else {}
@@ -204,7 +199,7 @@ def _bodies(world: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> N
             parent = _body(parent, links[body["stop"]], frame)
             moments, principal = _principal(body)
             if not turns[b] and moments.min() < SMALLEST:
-                moments, principal = stand_in(body["mass"]), np.eye(3)
+                moments, principal = np.full(3, 0.01 * float(body["mass"])), np.eye(3)  # arbitrary, as it never turns
             _require_loadable(chain, body, moments)
             moments = np.minimum(moments, _largest_possible(moments))  # removes the rounding error of a disc's moments
             _inertial(parent, body, moments, principal)
@@ -226,11 +221,6 @@ def _turning(chain: Chain) -> list[bool]:
     for body in chain.bodies:
         turns.append(bool(turns[body["parent"]] or not slides[body["first"] : body["stop"]].all()))
     return turns[1:]
-
-
-def stand_in(mass: float) -> Array:
-    """Return arbitrary moments of inertia [kg m²] for a body that has no inertia and does not rotate."""
-    return np.full(3, float(mass) * 0.01)
 
 
 def _require_one_way(chain: Chain, body: np.void, waiting: list[_Hinge]) -> None:

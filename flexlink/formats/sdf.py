@@ -27,6 +27,7 @@ from flexlink.common.types import Array
 from flexlink.formats.document import (
     UPPER_TRIANGLE,
     Capsule,
+    axis_text,
     base_joints,
     capsules_behind,
     couplings,
@@ -35,6 +36,7 @@ from flexlink.formats.document import (
     exact_rotation,
     joint_places,
     limits,
+    moments_text,
     moved_links,
     names_text,
     other_ends,
@@ -45,7 +47,7 @@ from flexlink.formats.document import (
     valid,
 )
 from flexlink.formats.reading import End, Hinge, Mass, Node, chain_of, coordinate, inertia_matrix, link_of, read
-from flexlink.kernels.layout import BODY, HINGE, SLIDES
+from flexlink.kernels.layout import BODY, HINGE
 
 NAMESPACES = {"xmlns:drake": "http://drake.mit.edu", "xmlns:flexlink": "urn:flexlink"}
 DYNAMICS = {"damping": "damping", "friction": "coulomb", "spring_reference": "rest", "spring_stiffness": "stiffness"}
@@ -87,12 +89,9 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
     sdf = ET.Element("sdf", {"version": "1.10", **NAMESPACES})
     world = ET.SubElement(sdf, "world", name=name)
     _values(world, {"gravity": decimals(chain.gravity)})
-    model = ET.SubElement(
-        world,
-        "model",
-        {"name": name, "flexlink:name": valid(chain.name), "flexlink:links": names_text(chain.link_names)},
-    )
-    attributes = rotation_springs(chain) | tree_attributes(chain)
+    attributes = {"name": valid(chain.name), "links": names_text(chain.link_names)}
+    attributes |= rotation_springs(chain) | tree_attributes(chain)
+    model = ET.SubElement(world, "model", name=name)
     model.attrib.update({f"flexlink:{key}": value for key, value in attributes.items()})
     shown = capsules_behind(chain) if require_bool("shapes", shapes) else {}
     if own := base_joints(chain):
@@ -152,16 +151,11 @@ def _pose(parent: ET.Element, translation: Array, rotation: Array, attributes: M
 
 def _contents(link: ET.Element, body: np.void, shown: list[Capsule]) -> None:
     """Write the inertia of a link and its visual shapes."""
-    _inertial(link, body)
-    for number, capsule in enumerate(shown):
-        _shape(link, capsule, f"capsule_{number + 1}" if number else "capsule")
-
-
-def _inertial(link: ET.Element, body: np.void) -> None:
     inertial = ET.SubElement(link, "inertial")
     _values(inertial, {"pose": decimals([*body["center"], 0, 0, 0]), "mass": decimals([body["mass"]])})
-    moments = {name: decimals([body["inertia"][place]]) for name, place in UPPER_TRIANGLE.items()}
-    _values(ET.SubElement(inertial, "inertia"), moments)
+    _values(ET.SubElement(inertial, "inertia"), moments_text(body))
+    for number, capsule in enumerate(shown):
+        _shape(link, capsule, f"capsule_{number + 1}" if number else "capsule")
 
 
 def _shape(link: ET.Element, capsule: Capsule, name: str) -> None:
@@ -179,16 +173,13 @@ def _joint(model: ET.Element, chain: Chain, k: int, name: str, ends: tuple[str, 
     joint = ET.SubElement(model, "joint", {"name": name, "type": kind, **own})
     _values(joint, dict(zip(("parent", "child"), ends, strict=True)))
     axis = ET.SubElement(joint, "axis")
-    _values(axis, {"xyz": decimals(np.eye(3)[hinge["axis"] % SLIDES])})
+    _values(axis, {"xyz": axis_text(hinge)})
     limit = limits(hinge) | ({"effort": "0"} if chain.coordinates[k].axis and not hinge["armature"] else {})
     if limit:
         _values(ET.SubElement(axis, "limit"), limit)
     _values(ET.SubElement(axis, "dynamics"), {key: decimals([hinge[field]]) for key, field in DYNAMICS.items()})
     if hinge["armature"]:
         _values(joint, {"drake:rotor_inertia": decimals([hinge["armature"]]), "drake:gear_ratio": "1"})
-
-
-# SDFormat → Chain: read files written by `to_sdf`, without rounding errors.
 
 
 OWN = f"{{{NAMESPACES['xmlns:flexlink']}}}"  # the namespace prefix as parsers write it
@@ -235,16 +226,14 @@ def _read_hinge(joint: Node, link: Node, links: Sequence[str], behind: Mapping[s
     lower, upper = joint.one("axis").all("limit/lower"), joint.one("axis").all("limit/upper")
     numbers |= {"lower": lower[0].number() if lower else -np.inf, "upper": upper[0].number() if upper else np.inf}
     rotor = joint.all(f"{{{NAMESPACES['xmlns:drake']}}}rotor_inertia")
-    slides = SLIDES * (joint.attribute("type") == "prismatic")
-    numbers |= {"axis": axis.unit_axis(axis.numbers(3)) + slides, "armature": rotor[0].number() if rotor else 0.0}
+    numbers["axis"] = axis.unit_axis(axis.numbers(3), joint.attribute("type"))
+    numbers["armature"] = rotor[0].number() if rotor else 0.0
     place = coordinate(joint, joint.numbers(3, f"{OWN}coordinate"), links)
     parent = behind.get(_text(joint, "parent"), "")
     return Hinge(joint, parent, *_read_place(link), numbers, place, _read_body(link.one("inertial")))
 
 
 def _read_body(inertial: Node) -> Mass | None:
-    mass, I = (
-        inertial.one("mass").number(),
-        inertia_matrix([inertial.one("inertia").one(key).number() for key in UPPER_TRIANGLE]),
-    )
+    mass = inertial.one("mass").number()
+    I = inertia_matrix([inertial.one("inertia").one(key).number() for key in UPPER_TRIANGLE])
     return (mass, np.array(inertial.one("pose").numbers(6)[:3]), I) if mass or I.any() else None

@@ -1,4 +1,4 @@
-"""Chain ↔ URDF, with one link and one revolute or prismatic joint per coordinate; the last link at a point has mass.
+"""Chain ↔ URDF, with one link and one joint of one axis per coordinate; the last link at a point has mass.
 
 A fixed base is a link without mass. A floating base has its mass but no joint. URDF has no other way to mark a base as
 floating, so the program that loads the file must be configured to let it float.
@@ -17,7 +17,6 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from flexlink.chain import free_base
 from flexlink.chain.arguments import require_bool, require_type
 from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import unique
@@ -28,6 +27,8 @@ from flexlink.formats.document import (
     UPPER_TRIANGLE,
     WIDE,
     Capsule,
+    axis_text,
+    base_joints,
     capsules_behind,
     colours,
     couplings,
@@ -36,6 +37,7 @@ from flexlink.formats.document import (
     exact_rotation,
     joint_places,
     limits,
+    moments_text,
     names_text,
     rotation_springs,
     text,
@@ -57,7 +59,7 @@ from flexlink.formats.reading import (
     link_of,
     read,
 )
-from flexlink.kernels.layout import HINGE, SLIDES
+from flexlink.kernels.layout import HINGE
 
 # Rotating joints are `revolute`, which requires limits; Pinocchio would use two coordinates for a `continuous` joint.
 LIMIT = WIDE | {"effort": "1e9", "velocity": "1e9"}
@@ -117,12 +119,15 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
             ET.SubElement(ET.SubElement(robot, "material", name=name), "color", rgba=rgba)
     base = ET.SubElement(robot, "link", name=links[0])
     shown = capsules_behind(chain) if shapes else {}
-    if chain.has_free_base:
-        _contents(base, chain.bodies[1], shown.get(free_base.JOINTS - 1, []))
+    if own_joints := base_joints(chain):
+        _contents(base, chain.bodies[1], shown.get(own_joints - 1, []))
     for k, parent, translation, rotation, body in joint_places(chain):
         kind = chain.joint_kinds[k].name
         joint = _joint(robot, joints[k], kind, (links[parent + 1], links[k + 1]), (translation, rotation))
-        _hinge(joint, chain, k)
+        hinge = chain.hinges[k]
+        ET.SubElement(joint, "axis", xyz=axis_text(hinge))
+        ET.SubElement(joint, "limit", LIMIT | limits(hinge))
+        ET.SubElement(joint, "dynamics", {key: decimals([hinge[field]]) for key, field in DYNAMICS.items()})
         ET.SubElement(joint, "flexlink", custom_values(chain, k, STANDARD_FIELDS) | exact_rotation(rotation))
         _contents(ET.SubElement(robot, "link", name=links[k + 1]), body, shown.get(k, []))
     ends = tips(chain)
@@ -146,27 +151,15 @@ def _joint(robot: ET.Element, name: str, kind: str, ends: tuple[str, str], place
     return joint
 
 
-def _hinge(joint: ET.Element, chain: Chain, k: int) -> None:
-    hinge = chain.hinges[k]
-    ET.SubElement(joint, "axis", xyz=decimals(np.eye(3)[hinge["axis"] % SLIDES]))
-    ET.SubElement(joint, "limit", LIMIT | limits(hinge))
-    ET.SubElement(joint, "dynamics", {key: decimals([hinge[field]]) for key, field in DYNAMICS.items()})
-
-
 def _contents(link: ET.Element, body: np.void | None, shown: list[Capsule]) -> None:
     """Write the inertia of a link, if it has any, and its visual shapes."""
     if body is not None:
-        _inertial(link, body)
+        inertial = ET.SubElement(link, "inertial")
+        ET.SubElement(inertial, "origin", xyz=decimals(body["center"]))
+        ET.SubElement(inertial, "mass", value=decimals([body["mass"]]))
+        ET.SubElement(inertial, "inertia", moments_text(body))
     for capsule in shown:
         _shape(link, capsule)
-
-
-def _inertial(link: ET.Element, body: np.void) -> None:
-    inertial = ET.SubElement(link, "inertial")
-    ET.SubElement(inertial, "origin", xyz=decimals(body["center"]))
-    ET.SubElement(inertial, "mass", value=decimals([body["mass"]]))
-    moments = {name: decimals([body["inertia"][place]]) for name, place in UPPER_TRIANGLE.items()}
-    ET.SubElement(inertial, "inertia", moments)
 
 
 def _shape(link: ET.Element, capsule: Capsule) -> None:
@@ -189,9 +182,6 @@ def _motor(robot: ET.Element, joint: str) -> None:
     interface = "hardware_interface/EffortJointInterface"
     ET.SubElement(ET.SubElement(transmission, "joint", name=joint), "hardwareInterface").text = interface
     ET.SubElement(ET.SubElement(transmission, "actuator", name=joint), "mechanicalReduction").text = "1"
-
-
-# URDF → Chain: read files written by `to_urdf`, without rounding errors.
 
 
 def read_urdf(text: str | bytes, *, what: str = "the URDF") -> Chain:
@@ -251,8 +241,7 @@ def _read_hinge(joint: Node, bodies: Mapping[str, Node], links: Sequence[str], b
     numbers |= {field: dynamics.number(key) for key, field in DYNAMICS.items()}
     axis, limit = joint.one("axis"), joint.one("limit")
     numbers |= limits_of(limit.number("lower"), limit.number("upper"))
-    slides = joint.attribute("type") == "prismatic"
-    numbers["axis"] = axis.unit_axis(axis.numbers(3, "xyz")) + SLIDES * slides
+    numbers["axis"] = axis.unit_axis(axis.numbers(3, "xyz"), joint.attribute("type"))
     place = coordinate(own, own.numbers(3, "coordinate"), links)
     parent = _parent(joint, behind)
     return Hinge(joint, parent, *_read_place(joint), numbers, place, _read_body(bodies[child]))
@@ -262,9 +251,5 @@ def _read_body(link: Node) -> Mass | None:
     if not link.all("inertial"):
         return None
     inertial = link.one("inertial")
-    moments = [inertial.one("inertia").number(key) for key in UPPER_TRIANGLE]
-    return (
-        inertial.one("mass").number("value"),
-        np.array(inertial.one("origin").numbers(3, "xyz")),
-        inertia_matrix(moments),
-    )
+    I = inertia_matrix([inertial.one("inertia").number(key) for key in UPPER_TRIANGLE])
+    return inertial.one("mass").number("value"), np.array(inertial.one("origin").numbers(3, "xyz")), I

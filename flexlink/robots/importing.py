@@ -288,32 +288,22 @@ def _beams(way: Paths, largest: Mapping[str, float]) -> list[Diagnostic]:
     """Return a note on the largest beam of each link."""
     least = 0.01  # fraction of the link's mass; below this, joints are too close, or the mass is far from their line
     share = {part.link: largest[part.link] / part.body.mass for part in way.parts if part.body.mass}
-    notes = [
-        Diagnostic(
-            f"{part.link}: a beam from joint to joint can carry at most {rounded_down(largest[part.link])} of its "
-            f"{part.body.mass:.4g} kg",
-            "largest-beam",
-        )
-        for part in way.parts
-        if share.get(part.link, 0.0) >= least
-    ]
-    others = [part.link for part in way.parts if share.get(part.link, 0.0) < least]
+    notes, others = list[Diagnostic](), list[str]()
+    for part in way.parts:
+        if share.get(part.link, 0.0) < least:
+            others.append(part.link)
+            continue
+        most = f"at most {rounded_down(largest[part.link])} of its {part.body.mass:.4g} kg"
+        notes.append(Diagnostic(f"{part.link}: a beam from joint to joint can carry {most}", "largest-beam"))
     if others:
-        compact = f"too compact for a beam from joint to joint: {short_list(others)}"
-        notes.append(Diagnostic(compact, "no-beam"))
+        notes.append(Diagnostic(f"too compact for a beam from joint to joint: {short_list(others)}", "no-beam"))
     return notes
 
 
 def living_paths(
-    robot: Robot,
-    base: str | None,
-    tip: str | Sequence[str] | None,
-    posture: Mapping[str, float],
-    locked: Mapping[str, float],
-    *,
-    free_base: bool,
-    rotors: Collection[str],
-) -> tuple[Paths, tuple[str, ...]]:
+    robot: Robot, base: str | None, tip: str | Sequence[str] | None, posture: Mapping[str, float],
+    locked: Mapping[str, float], *, free_base: bool, rotors: Collection[str],
+) -> tuple[Paths, tuple[str, ...]]:  # fmt: skip
     """Return the moving parts of a robot, and the joints that are fixed because nothing beyond them has inertia.
 
     `rotors` are the joints with an armature. The other parameters are as in `paths`; `tip` None means all ends.

@@ -75,28 +75,17 @@ def _turn(axis: Array, angle: float) -> Array:
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Robot:
-    """Links and joints by name, which form a tree.
+    """Links and joints by name, which form a tree; joints are in the file's order.
 
-    Attributes
-    ----------
-    name
-        Name of the robot.
-    links
-        The rigid body of each link in its frame; massless if the file gives no inertia.
-    joints
-        Joints by name, in the file's order.
-    left_out
-        What the file has and the reader does not read: by element, as `<visual>`, or attribute, as `<limit effort>`,
-        the link or joint that has it, and its value, for each.
-    doubts
-        Warnings about angles that are likely in degrees.
+    `left_out` is what the file has and the reader does not read: by element, as `<visual>`, or attribute, as
+    `<limit effort>`, the link or joint that has it, and its value, for each.
     """
 
     name: str
-    links: Mapping[str, SpatialInertia]
+    links: Mapping[str, SpatialInertia]  # bodies in their frames; massless if the file gives no inertia
     joints: Mapping[str, TreeJoint]
     left_out: Mapping[str, Sequence[tuple[str, str]]]
-    doubts: tuple[Diagnostic, ...] = ()
+    doubts: tuple[Diagnostic, ...] = ()  # angles that are likely in degrees
 
     def __repr__(self) -> str:
         return f"<Robot {self.name!r}: {plural(len(self.links), 'link')}, {plural(len(self.joints), 'joint')}>"
@@ -213,9 +202,6 @@ def _check_mimics(robot: Robot) -> None:
                     f"joint {truncated(leader)}: mimics itself, by way of {short_list(list(way))}", id="mimic"
                 )
             way[leader] = None
-
-
-# Positions of a robot's joints: check given positions, and compute all others.
 
 
 def positions_of(robot: Robot, stated: Mapping[str, float]) -> dict[str, float]:
