@@ -19,20 +19,10 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 from pydrake.common.value import Value
+from pydrake.multibody import tree
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce, MultibodyPlant
-from pydrake.multibody.tree import (
-    BodyIndex,
-    ForceElementIndex,
-    JacobianWrtVariable,
-    MultibodyForces,
-    PrismaticJoint,
-    PrismaticSpring,
-    QuaternionFloatingJoint,
-    RevoluteJoint,
-    RevoluteSpring,
-)
 from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem
 
@@ -139,7 +129,7 @@ class DrakeEngine(OtherProgram):
         if tip_wrench is not None:
             world = plant.world_frame()
             J = plant.CalcJacobianSpatialVelocity(
-                context, JacobianWrtVariable.kV, self.tip, np.zeros(3), world, world
+                context, tree.JacobianWrtVariable.kV, self.tip, np.zeros(3), world, world
             )  # angular part first
             torque -= J[3:].T @ tip_wrench[:3] + J[:3].T @ tip_wrench[3:]
         if (drift := self.coordinates.drift(q, qd)) is not None:
@@ -226,7 +216,7 @@ class DrakeEngine(OtherProgram):
     def _joint_forces(self, q: Array, qd: Array) -> Array:
         """Return the generalized forces of springs and dampers, shape (n,)."""
         self._place(q, qd)
-        forces = MultibodyForces(self.plant)
+        forces = tree.MultibodyForces(self.plant)
         self.plant.CalcForceElementsContribution(self.context, forces)
         return self.coordinates.our_torques(q, forces.generalized_forces())
 
@@ -282,12 +272,12 @@ class _Inputs(LeafSystem):  # type: ignore[misc]  # pydrake is not type-checked
 # Read the record (`ReadBack`) of a finalized Drake plant.
 
 
-ONE_AXIS = (RevoluteJoint, PrismaticJoint)
+ONE_AXIS = (tree.RevoluteJoint, tree.PrismaticJoint)
 
 
 def moving_joints(plant: Any) -> list[Any]:
     """Return the joints that can move, in Drake's order."""
-    known = (*ONE_AXIS, QuaternionFloatingJoint)
+    known = (*ONE_AXIS, tree.QuaternionFloatingJoint)
     joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
     moving = sorted((joint for joint in joints if joint.num_velocities()), key=lambda joint: joint.velocity_start())
     require_joints([(joint.name(), "" if isinstance(joint, known) else joint.type_name()) for joint in moving])
@@ -298,7 +288,7 @@ def degrees_of_freedom(plant: Any) -> dict[str, int]:
     """Map joint names to Drake's numbers; a floating base has six, rotation first, under flexlink's names."""
     found = dict[str, int]()
     for joint in moving_joints(plant):
-        floats = isinstance(joint, QuaternionFloatingJoint)
+        floats = isinstance(joint, tree.QuaternionFloatingJoint)
         names = (*BASE_JOINTS[3:], *BASE_JOINTS[:3]) if floats else (joint.name(),)
         found |= {name: joint.velocity_start() + k for k, name in enumerate(names)}
     return {name: found[name] for name in (*(name for name in BASE_JOINTS if name in found), *found)}
@@ -315,7 +305,7 @@ def read(
     frames = [joint.frame_on_child().CalcPoseInWorld(context) for joint in joints]
     points = np.array([frame.translation() for frame in frames])
     R = np.array([frame.rotation().matrix() for frame in frames])
-    slides = np.array([isinstance(joint, PrismaticJoint) for joint in joints])
+    slides = np.array([isinstance(joint, tree.PrismaticJoint) for joint in joints])
     floats = theirs.reference is not None
     axes = np.array([turned @ _axis(joint) for turned, joint in zip(R, joints, strict=True)])
     if floats:  # flexlink's three slides and three rotations, in Drake's order
@@ -349,15 +339,17 @@ def read(
 
 def _axis(joint: Any) -> Array:
     """Return the axis in the joint's frame; zero for a floating base."""
-    if isinstance(joint, RevoluteJoint):
+    if isinstance(joint, tree.RevoluteJoint):
         return np.asarray(joint.revolute_axis())
-    return np.asarray(joint.translation_axis()) if isinstance(joint, PrismaticJoint) else np.zeros(3)
+    return np.asarray(joint.translation_axis()) if isinstance(joint, tree.PrismaticJoint) else np.zeros(3)
 
 
 def _behind(plant: Any, joints: list[Any]) -> Indices:
     """Return the last degree of freedom that moves each body: −1 if it is fixed, the last rotation if it floats."""
     carrier = {int(joint.child_body().index()): k for k, joint in enumerate(joints)}
-    carrier |= {int(joint.child_body().index()): 2 for joint in joints if isinstance(joint, QuaternionFloatingJoint)}
+    carrier |= {
+        int(joint.child_body().index()): 2 for joint in joints if isinstance(joint, tree.QuaternionFloatingJoint)
+    }
     every = [plant.get_joint(index) for index in plant.GetJointIndices()]
     parent = {int(joint.child_body().index()): int(joint.parent_body().index()) for joint in every}
     behind = np.full(plant.num_bodies(), -1, dtype=np.intp)
@@ -370,7 +362,7 @@ def _behind(plant: Any, joints: list[Any]) -> Indices:
 
 
 def _bodies(plant: Any, context: Any, behind: Indices, points: Array) -> dict[str, Any]:
-    bodies = [plant.get_body(BodyIndex(k)) for k in range(plant.num_bodies())]
+    bodies = [plant.get_body(tree.BodyIndex(k)) for k in range(plant.num_bodies())]
     masses, centers, inertias = np.zeros(len(bodies)), np.zeros((len(bodies), 3)), np.zeros((len(bodies), 3, 3))
     for k, body in enumerate(bodies[1:], 1):  # the first is the world
         X, M = plant.EvalBodyPoseInWorld(context, body), body.default_spatial_inertia()
@@ -383,10 +375,10 @@ def _bodies(plant: Any, context: Any, behind: Indices, points: Array) -> dict[st
 def _springs(plant: Any) -> dict[str, tuple[float, float]]:
     """Return stiffness and rest position of the springs, by the names of their joints."""
     found = dict[str, tuple[float, float]]()
-    for spring in (plant.get_force_element(ForceElementIndex(k)) for k in range(plant.num_force_elements())):
-        if isinstance(spring, RevoluteSpring):
+    for spring in (plant.get_force_element(tree.ForceElementIndex(k)) for k in range(plant.num_force_elements())):
+        if isinstance(spring, tree.RevoluteSpring):
             found[spring.joint().name()] = spring.default_stiffness(), spring.default_nominal_angle()
-        elif isinstance(spring, PrismaticSpring):
+        elif isinstance(spring, tree.PrismaticSpring):
             found[spring.joint().name()] = spring.stiffness(), spring.nominal_position()
     return found
 

@@ -20,17 +20,8 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import exudyn as exu
+import exudyn.itemInterface as items  # noqa: N813
 import numpy as np
-from exudyn.itemInterface import (
-    LoadForceVector,
-    LoadTorqueVector,
-    MarkerBodyRigid,
-    MarkerKinematicTreeRigid,
-    NodeGenericODE2,
-    ObjectGenericODE2,
-    ObjectGround,
-    ObjectKinematicTree,
-)
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
@@ -52,13 +43,7 @@ LoadFunction = Callable[..., Array]
 
 
 class ExudynEngine(OtherProgram):
-    """A chain in Exudyn.
-
-    Attributes
-    ----------
-    read
-        The chain read from the exported file.
-    """
+    """A chain in Exudyn; `read` is the chain read from the exported file."""
 
     name, title = "exudyn", "Exudyn"
     version: str = exu.__version__
@@ -148,23 +133,23 @@ class _System:
         self.mbs = mbs = self._box.AddSystem()
         zero, self.slack = np.zeros(n), np.array(chain.rest)  # the node's coordinates are relative to `slack`
         node = mbs.AddNode(
-            NodeGenericODE2(
+            items.NodeGenericODE2(
                 referenceCoordinates=self.slack, initialCoordinates=zero, initialCoordinates_t=zero,
                 numberOfODE2Coordinates=n,
             )
         )  # fmt: skip
         self.tree = mbs.AddObject(_kinematic_tree(chain, node))
         rotors = np.diag(chain.hinges["armature"])
-        mbs.AddObject(ObjectGenericODE2(nodeNumbers=[node], massMatrix=rotors, **_between_joints(chain)))
+        mbs.AddObject(items.ObjectGenericODE2(nodeNumbers=[node], massMatrix=rotors, **_between_joints(chain)))
         tip = loaded_tip(chain)
         self.tip_rotation = np.array(tip.rotation)
         if tip.parent >= 0:
             place = {"linkNumber": tip.parent, "localPosition": tip.translation}
-            marker = mbs.AddMarker(MarkerKinematicTreeRigid(objectNumber=self.tree, **place))
+            marker = mbs.AddMarker(items.MarkerKinematicTreeRigid(objectNumber=self.tree, **place))
         else:  # the wrench acts on the fixed base
-            marker = mbs.AddMarker(MarkerBodyRigid(bodyNumber=mbs.AddObject(ObjectGround())))
-        self.force = mbs.AddLoad(LoadForceVector(markerNumber=marker, loadVector=np.zeros(3)))
-        self.moment = mbs.AddLoad(LoadTorqueVector(markerNumber=marker, loadVector=np.zeros(3)))
+            marker = mbs.AddMarker(items.MarkerBodyRigid(bodyNumber=mbs.AddObject(items.ObjectGround())))
+        self.force = mbs.AddLoad(items.LoadForceVector(markerNumber=marker, loadVector=np.zeros(3)))
+        self.moment = mbs.AddLoad(items.LoadTorqueVector(markerNumber=marker, loadVector=np.zeros(3)))
         mbs.Assemble()
         settings = _settings()
         settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False  # undefined for the massless tree
@@ -261,7 +246,7 @@ def _kinematic_tree(chain: Chain, node: Any) -> Any:
     bodies = [massless if place.body is None else place.body for place in placements]
     kind = exu.JointType
     kinds = (kind.RevoluteX, kind.RevoluteY, kind.RevoluteZ, kind.PrismaticX, kind.PrismaticY, kind.PrismaticZ)
-    return ObjectKinematicTree(
+    return items.ObjectKinematicTree(
         nodeNumber=node, gravity=chain.gravity, linkParents=np.array([place.parent for place in placements]),
         jointTypes=[kinds[axis] for axis in hinges["axis"]],
         jointTransformations=exu.Matrix3DList([place.rotation for place in placements]),

@@ -41,86 +41,43 @@ class Parts(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class ReadBack:
-    """Joints and bodies in an engine; body k is everything rigidly attached to joint k.
+    """Joints and bodies in an engine, in its order; body k is everything rigidly attached to joint k.
 
-    Attributes
-    ----------
-    names
-        Joint names in the engine's order.
-    parents
-        Parent joint of each joint, −1 for the base, shape (n,).
-    slides
-        Which joints are prismatic, shape (n,); the joints of a floating base are the first six.
-    axes, points
-        Unit vectors of the axes and points on them [m], shape (n, 3).
-    frames
-        Rotations into frame 0 from the frames in which the file specifies the axes, shape (n, 3, 3).
-    masses, centers, inertias
-        Masses [kg], (n,), centres of mass [m], (n, 3), and central inertias [kg m²], (n, 3, 3). The centre of a
-        massless body is the joint's point.
-    parts
-        Inertias of the individual bodies, before merging.
-    stiffness, rest, damping, coulomb, coulomb_width, armature
-        As in `HINGE`, shape (n,); 0 where a setting disables springs or dampers.
-    coupled_stiffness, coupled_damping
-        K_ij [N m/rad] and D_ij [N m s/rad] of springs and dampers between two joints, symmetric, 0 on the diagonal,
-        shape (n, n).
-    gear
-        Torque of a motor for a command of 1 [N m], or angle of a servo for a command of 1 [rad]; 0: no actuator, (n,).
-    servo_stiffness, servo_damping, constant_torque
-        −∂T/∂q [N m/rad], −∂T/∂q̇ [N m s/rad] and T [N m] of the actuators for zero command, shape (n,).
-    effort
-        Smallest and largest torque [N m], shape (n, 2); infinite without a limit.
-    gravity
-        Gravity [m/s²], shape (3,).
-    tip
-        Origin of the frame named "tip" [m], shape (3,); None if there is none.
-    tip_on
-        Joint to which the tip of a chain is attached; None: the last joint.
-    unspecified
-        Fields that the file does not specify, for example springs in a URDF; they are not compared.
-    settings
-        Active settings, named as in `diagnosis/data/mistakes.toml`, and their values as text.
-    integrator, step
-        MuJoCo's name of the file's integrator, and the time step [s]; None if the file specifies none.
-    bodies
-        Name of the body that each joint moves, in flexlink the link's; several joints may move one body.
-    drive_range
-        Smallest and largest torque that the drive of a scene may command [N m], shape (n, 2).
+    Arrays have one row per joint. The joints of a floating base are the first six.
     """
 
     names: tuple[str, ...]
-    parents: Indices
-    axes: Array
-    points: Array
-    frames: Array
-    masses: Array
-    centers: Array
-    inertias: Array
-    parts: Parts
-    slides: NDArray[np.bool_]
-    stiffness: Array
+    parents: Indices  # parent joint of each joint, −1 for the base
+    axes: Array  # unit vectors of the axes, and
+    points: Array  # points on them [m], shape (n, 3)
+    frames: Array  # rotations into frame 0 from the frames in which the file specifies the axes, shape (n, 3, 3)
+    masses: Array  # [kg]
+    centers: Array  # centres of mass [m], shape (n, 3); that of a massless body is the joint's point
+    inertias: Array  # central inertias [kg m²], shape (n, 3, 3)
+    parts: Parts  # inertias of the individual bodies, before merging
+    slides: NDArray[np.bool_]  # which joints are prismatic
+    stiffness: Array  # this and the next five as in `HINGE`; 0 where a setting disables springs or dampers
     rest: Array
     damping: Array
     coulomb: Array
     coulomb_width: Array
     armature: Array
-    coupled_stiffness: Array
-    coupled_damping: Array
-    gear: Array
-    servo_stiffness: Array
-    servo_damping: Array
-    constant_torque: Array
-    effort: Array
-    gravity: Array
-    tip: Array | None = None
-    tip_on: int | None = None
-    unspecified: frozenset[str] = frozenset()
-    settings: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    integrator: str = ""
-    step: float | None = None
-    drive_range: Array | None = None
-    bodies: tuple[str, ...] = ()
+    coupled_stiffness: Array  # K_ij [N m/rad] and
+    coupled_damping: Array  # D_ij [N m s/rad] between two joints, symmetric, 0 on the diagonal, shape (n, n)
+    gear: Array  # torque of a motor [N m], or angle of a servo [rad], for a command of 1; 0: no actuator
+    servo_stiffness: Array  # −∂T/∂q [N m/rad] of the actuators for zero command,
+    servo_damping: Array  # −∂T/∂q̇ [N m s/rad], and
+    constant_torque: Array  # T [N m]
+    effort: Array  # smallest and largest torque [N m], shape (n, 2); infinite without a limit
+    gravity: Array  # [m/s²], shape (3,)
+    tip: Array | None = None  # origin of the frame named "tip" [m], shape (3,)
+    tip_on: int | None = None  # joint to which the tip of a chain is attached; None: the last joint
+    unspecified: frozenset[str] = frozenset()  # fields that the file does not specify; they are not compared
+    settings: Mapping[str, str] = dataclasses.field(default_factory=dict)  # active settings, see `mistakes.toml`
+    integrator: str = ""  # MuJoCo's name of the file's integrator
+    step: float | None = None  # time step of the file [s]
+    drive_range: Array | None = None  # smallest and largest torque that a scene's drive may command [N m], shape (n, 2)
+    bodies: tuple[str, ...] = ()  # name of the body that each joint moves, in flexlink the link's
 
     def __repr__(self) -> str:
         return f"<ReadBack: {self.n} joints, {self.masses.sum():.6g} kg>"
@@ -149,34 +106,24 @@ class ReadBack:
         return dataclasses.replace(self, **moved | fields)
 
     def require_sound(self) -> None:
-        """Check that the values the engine has read are valid."""
+        """Check that all numbers are finite, and that axes are unit vectors."""
         for field in (*AXIS_FIELDS, *BODY_FIELDS, *JOINT_FIELDS, *COUPLED_FIELDS, *ACTUATOR_FIELDS[:-1]):
             rows = getattr(self, field).reshape(self.n, -1)
-            bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))
-            if len(bad):
-                values = rows[bad[0]]
-                shown = values[~np.isfinite(values)][0] if field in COUPLED_FIELDS else values
-                raise ArgumentError(
-                    f"{field} of joint {self.names[bad[0]]!r}: the engine read {shown}; must be finite",
-                    id="number-in-file",
-                )
-        if np.isnan(self.effort).any():
-            k = int(np.flatnonzero(np.isnan(self.effort).any(axis=1))[0])
-            raise ArgumentError(
-                f"torque limit of joint {self.names[k]!r}: the engine read {self.effort[k]}; must be numbers",
-                id="number-in-file",
-            )
+            for k in np.flatnonzero(~np.isfinite(rows).all(axis=1)):
+                shown = rows[k][~np.isfinite(rows[k])][0] if field in COUPLED_FIELDS else rows[k]
+                raise _refused(f"{field} of joint {self.names[k]!r}", shown, "finite")
+        for k in np.flatnonzero(np.isnan(self.effort).any(axis=1)):
+            raise _refused(f"torque limit of joint {self.names[k]!r}", self.effort[k], "numbers")
         if self.gravity.shape != (3,) or not np.isfinite(self.gravity).all():
-            raise ArgumentError(
-                f"gravity: the engine read {self.gravity}; must be three finite numbers", id="number-in-file"
-            )
+            raise _refused("gravity", self.gravity, "three finite numbers")
         lengths = np.linalg.norm(self.axes, axis=1)
         k = int(np.abs(lengths - 1).argmax())
         if abs(lengths[k] - 1) > 1e-9:
-            raise ArgumentError(
-                f"axis of joint {self.names[k]!r}: the engine read a vector of length {lengths[k]:.6g}; must be 1",
-                id="number-in-file",
-            )
+            raise _refused(f"axis of joint {self.names[k]!r}", f"a vector of length {lengths[k]:.6g}", "1")
+
+
+def _refused(what: str, value: object, allowed: str) -> ArgumentError:
+    return ArgumentError(f"{what}: the engine read {value}; must be {allowed}", id="number-in-file")
 
 
 def no_limits(n: int) -> Array:
@@ -190,12 +137,9 @@ def no_actuators(n: int) -> dict[str, Any]:
 
 
 def require_joints(joints: Sequence[tuple[str, str]]) -> None:
-    """Refuse joints other than hinges, slides and the free joint of a floating base.
+    """Refuse joints other than hinges, slides and a floating base, and files without joints.
 
-    Parameters
-    ----------
-    joints
-        Name of every movable joint, and its type if it is not supported, else "".
+    `joints` are the name of every movable joint, and its type if it is not supported, else "".
     """
     for name, kind in joints:
         if kind:

@@ -88,15 +88,7 @@ FEATURES = _features()
 
 
 def unsupported(scene: Scene, chain: Chain, *, format: str) -> dict[str, str]:
-    """Return the features of a scene that a format cannot represent, and what happens instead.
-
-    Parameters
-    ----------
-    scene, chain
-        The scene and its chain, from `lump`.
-    format
-        Name of a format, "urdf", "mjcf" or "sdf".
-    """
+    """Return the features of a scene, and of its chain, that a format cannot represent, and what happens instead."""
     require_one_of("format", format, dict.fromkeys(("urdf", "mjcf", "sdf")))
     return {
         name: instead[format]
@@ -111,10 +103,6 @@ def storage_note(target: Path, missing: Mapping[str, str], *, format: str) -> Di
     for name, instead in missing.items():
         if name != "drive torques" or "control law" not in missing:
             groups.setdefault(instead, []).append(name)
-    parts = [f"{_and(features)}: {instead}" for instead, features in groups.items()]
+    parts = [f"{' and '.join(filter(None, [', '.join(few), last]))}: {how}" for how, (*few, last) in groups.items()]
     sentences = ". It cannot store the ".join(parts)
     return Diagnostic(f"{shown_path(target)}: {format.upper()} cannot store the {sentences}", "format-cannot-store")
-
-
-def _and(items: list[str]) -> str:
-    return " and ".join([", ".join(items[:-1]), items[-1]] if len(items) > 1 else items)

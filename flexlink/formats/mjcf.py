@@ -35,25 +35,8 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.products import product
 from flexlink.common.types import Array, Indices
 from flexlink.describe.arm import BASE
-from flexlink.formats.document import (
-    UPPER_TRIANGLE,
-    WIDE,
-    Capsule,
-    Tip,
-    base_joints,
-    capsules_behind,
-    colours,
-    decimals,
-    limits,
-    names_text,
-    rotation_springs,
-    text,
-    tips,
-    tree_attributes,
-    valid,
-    xml_joint_names,
-    xml_link_names,
-)
+from flexlink.formats import document
+from flexlink.formats.document import UPPER_TRIANGLE, WIDE, Capsule, Tip, decimals, valid
 from flexlink.formats.principal import SMALLEST, _inertial, _largest_possible, _principal, _require_loadable
 from flexlink.kernels.layout import BODY, HINGE, SLIDES
 
@@ -134,16 +117,16 @@ def to_mjcf(
     ET.SubElement(option, "flag", dict.fromkeys(disabled, "disable"))
     ET.SubElement(root, "size", nuser_jnt=str(len(USER_FIELDS) + len(Coordinate._fields)))
     own = ET.SubElement(root, "custom")
-    ET.SubElement(own, "text", name="flexlink.links", data=names_text(chain.link_names))
+    ET.SubElement(own, "text", name="flexlink.links", data=document.names_text(chain.link_names))
     ET.SubElement(own, "text", name="flexlink.user", data=" ".join([*USER_FIELDS, "coordinate"]))
-    for key, value in (rotation_springs(chain) | tree_attributes(chain)).items():
+    for key, value in (document.rotation_springs(chain) | document.tree_attributes(chain)).items():
         ET.SubElement(own, "text", name=f"flexlink.{key}", data=value)
     if require_bool("shapes", shapes):
         asset = ET.SubElement(root, "asset")
-        for name, rgba in colours(chain):
+        for name, rgba in document.colours(chain):
             ET.SubElement(asset, "material", name=name, rgba=rgba)
     _bodies(ET.SubElement(root, "worldbody"), chain, own, shapes)
-    joints = xml_joint_names(chain)
+    joints = document.xml_joint_names(chain)
     add_tendons(root, chain, joints)
     motors = ET.SubElement(root, "actuator")
     for k in chain.active:
@@ -151,7 +134,7 @@ def to_mjcf(
     if initial is not None:
         _keyframe(ET.SubElement(root, "keyframe"), chain, initial)
     option.set("timestep", decimals([_safe_step(chain) if timestep is None else positive("timestep", timestep)]))
-    return text(root)
+    return document.text(root)
 
 
 def depth_first(chain: Chain) -> Indices:
@@ -170,11 +153,12 @@ def depth_first(chain: Chain) -> Indices:
 
 def _bodies(world: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> None:
     """Write nested bodies and tips; exact values of numbers that MJCF rounds are added to `own`."""
-    joints, links, shown = xml_joint_names(chain), xml_link_names(chain), capsules_behind(chain) if shapes else {}
-    hinges, ends = _without_tendons(chain), dict(zip(chain.tips.values(), tips(chain), strict=True))
+    joints, links = document.xml_joint_names(chain), document.xml_link_names(chain)
+    shown = document.capsules_behind(chain) if shapes else {}
+    hinges, ends = _without_tendons(chain), dict(zip(chain.tips.values(), document.tips(chain), strict=True))
     for k in sorted({*chain.couplings["inner"].tolist(), *chain.couplings["outer"].tolist()}):
         _exact(own, f"springs.{joints[k]}", *(chain.hinges[k][field] for field in SHARED))
-    opened, floats, axes = [(world, HERE, list[_Hinge]())], base_joints(chain), chain.hinges["axis"] % SLIDES
+    opened, floats, axes = [(world, HERE, list[_Hinge]())], document.base_joints(chain), chain.hinges["axis"] % SLIDES
     turns = _turning(chain)
     for b, body in enumerate(chain.bodies):
         parent, frame, waiting = opened[body["parent"]]
@@ -227,7 +211,7 @@ def _require_one_way(chain: Chain, body: np.void, waiting: list[_Hinge]) -> None
     """Refuse hinges at a massless point unless exactly one body follows, because they are written in this body."""
     if not waiting:
         return
-    name = xml_joint_names(chain)[waiting[0].k]
+    name = document.xml_joint_names(chain)[waiting[0].k]
     if body["first"] == body["stop"]:
         raise ArgumentError(
             f"joint {name!r} moves no mass, which MuJoCo refuses; add mass, or use URDF", id="joint-without-inertia"
@@ -256,7 +240,7 @@ def _keyframe(parent: ET.Element, chain: Chain, initial: tuple[ArrayLike, ArrayL
     if len(state) != 2:
         raise ArgumentError(f"initial has {len(state)} items: expected q and qd", id="wrong-shape")
     q, qd = (vector(f"initial[{k}]", value, chain.n) for k, value in enumerate(state))
-    order, own = depth_first(chain), base_joints(chain)
+    order, own = depth_first(chain), document.base_joints(chain)
     q, qd, place, rates = q[order], qd[order], q[:own], qd[:own]
     if own:  # position and quaternion; velocity in axes of frame 0 and spin in axes of the base
         R = product(chain.bodies["rotation"][1], rotations_of(place[3:]))
@@ -305,7 +289,7 @@ class _Hinge:
         placed = {"axis": decimals(self.axis), "pos": decimals(self.pos)}
         numbers = {key: decimals([hinge[field]]) for key, field in JOINT_ATTRIBUTES.items()}
         own = {"user": decimals([*(hinge[field] for field in USER_FIELDS), *coordinate])}
-        if ends := limits(hinge):  # MuJoCo does not enforce them
+        if ends := document.limits(hinge):  # MuJoCo does not enforce them
             own |= {"range": " ".join((WIDE | ends).values()), "limited": "false"}
         kind = "slide" if hinge["axis"] >= SLIDES else "hinge"
         ET.SubElement(body, "joint", {"name": name, "type": kind} | placed | numbers | own)

@@ -24,29 +24,9 @@ from flexlink.chain.forces import refuse_states
 from flexlink.chain.rigid import rpy_from_matrix
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
-from flexlink.formats.document import (
-    UPPER_TRIANGLE,
-    Capsule,
-    axis_text,
-    base_joints,
-    capsules_behind,
-    couplings,
-    custom_values,
-    decimals,
-    exact_rotation,
-    joint_places,
-    limits,
-    moments_text,
-    moved_links,
-    names_text,
-    other_ends,
-    rotation_springs,
-    text,
-    tips,
-    tree_attributes,
-    valid,
-)
-from flexlink.formats.reading import End, Hinge, Mass, Node, chain_of, coordinate, inertia_matrix, link_of, read
+from flexlink.formats import document, reading
+from flexlink.formats.document import UPPER_TRIANGLE, Capsule, decimals, valid
+from flexlink.formats.reading import End, Hinge, Mass, Node
 from flexlink.kernels.layout import BODY, HINGE
 
 NAMESPACES = {"xmlns:drake": "http://drake.mit.edu", "xmlns:flexlink": "urn:flexlink"}
@@ -89,21 +69,21 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
     sdf = ET.Element("sdf", {"version": "1.10", **NAMESPACES})
     world = ET.SubElement(sdf, "world", name=name)
     _values(world, {"gravity": decimals(chain.gravity)})
-    attributes = {"name": valid(chain.name), "links": names_text(chain.link_names)}
-    attributes |= rotation_springs(chain) | tree_attributes(chain)
+    attributes = {"name": valid(chain.name), "links": document.names_text(chain.link_names)}
+    attributes |= document.rotation_springs(chain) | document.tree_attributes(chain)
     model = ET.SubElement(world, "model", name=name)
     model.attrib.update({f"flexlink:{key}": value for key, value in attributes.items()})
-    shown = capsules_behind(chain) if require_bool("shapes", shapes) else {}
-    if own := base_joints(chain):
+    shown = document.capsules_behind(chain) if require_bool("shapes", shapes) else {}
+    if own := document.base_joints(chain):
         base = ET.SubElement(model, "link", name=links[own - 1])
         _pose(base, np.zeros(3), chain.bodies["rotation"][1], {})
         _contents(base, chain.bodies[1], shown.get(own - 1, []))
-    for k, before, translation, rotation, body in joint_places(chain):
+    for k, before, translation, rotation, body in document.joint_places(chain):
         link, parent = ET.SubElement(model, "link", name=links[k]), links[before] if before >= 0 else "world"
         _pose(link, translation, rotation, {} if parent == "world" else {"relative_to": parent})
         _contents(link, np.zeros(1, BODY)[0] if body is None else body, shown.get(k, []))
         _joint(model, chain, k, joints[k], (parent, links[k]))
-    for tip, called in zip(tips(chain), frames, strict=True):
+    for tip, called in zip(document.tips(chain), frames, strict=True):
         if tip.parent < 0:
             raise ArgumentError(
                 f"link {chain.link_names[tip.link - 1]!r} does not move; SDFormat attaches frames to moving links only",
@@ -112,9 +92,9 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
         number = {"flexlink:link": str(tip.link)} if called != frames[-1] else {}
         frame = ET.SubElement(model, "frame", {"name": called, "attached_to": links[tip.parent], **number})
         _pose(frame, tip.translation, tip.rotation, {})
-    for coupling in couplings(chain, joints):
+    for coupling in document.couplings(chain, joints):
         ET.SubElement(frame, "flexlink:coupling", coupling)
-    return text(sdf)
+    return document.text(sdf)
 
 
 def sdf_names(chain: Chain) -> list[str]:
@@ -123,10 +103,10 @@ def sdf_names(chain: Chain) -> list[str]:
     Drake adds a frame `…_child` to every joint. All joints of a floating base share the link name of the base.
     """
     plain = [_allowed(valid(name)) for name in (chain.name, *chain.joint_names)]
-    joints, own = unique(["world", "", *plain[1:]])[2:], base_joints(chain)
+    joints, own = unique(["world", "", *plain[1:]])[2:], document.base_joints(chain)
     children = [f"{name}_child" for name in joints]
-    moved = [_allowed(name) for name in moved_links(chain, joints)]
-    ends = [_allowed(name) for name in other_ends(chain, moved)]
+    moved = [_allowed(name) for name in document.moved_links(chain, joints)]
+    ends = [_allowed(name) for name in document.other_ends(chain, moved)]
     others = unique([*joints, *children, "tip", *moved, "base_link", *ends])[2 * chain.n :]
     tip, links, (base, *ends) = others[0], others[1 : chain.n - own + 1], others[chain.n - own + 1 :]
     return [f"{plain[0]}_" if plain[0] == "world" else plain[0], *joints, *[base] * own, *links, *ends, tip]
@@ -144,7 +124,7 @@ def _values(parent: ET.Element, values: Mapping[str, str]) -> None:
 
 
 def _pose(parent: ET.Element, translation: Array, rotation: Array, attributes: Mapping[str, str]) -> None:
-    own = {f"flexlink:{name}": value for name, value in exact_rotation(rotation).items()}
+    own = {f"flexlink:{name}": value for name, value in document.exact_rotation(rotation).items()}
     pose = ET.SubElement(parent, "pose", {**attributes, **own})
     pose.text = decimals([*translation, *rpy_from_matrix(rotation)])
 
@@ -153,7 +133,7 @@ def _contents(link: ET.Element, body: np.void, shown: list[Capsule]) -> None:
     """Write the inertia of a link and its visual shapes."""
     inertial = ET.SubElement(link, "inertial")
     _values(inertial, {"pose": decimals([*body["center"], 0, 0, 0]), "mass": decimals([body["mass"]])})
-    _values(ET.SubElement(inertial, "inertia"), moments_text(body))
+    _values(ET.SubElement(inertial, "inertia"), document.moments_text(body))
     for number, capsule in enumerate(shown):
         _shape(link, capsule, f"capsule_{number + 1}" if number else "capsule")
 
@@ -168,13 +148,13 @@ def _shape(link: ET.Element, capsule: Capsule, name: str) -> None:
 
 def _joint(model: ET.Element, chain: Chain, k: int, name: str, ends: tuple[str, str]) -> None:
     hinge = chain.hinges[k]
-    own = {f"flexlink:{key}": value for key, value in custom_values(chain, k, STANDARD_FIELDS).items()}
+    own = {f"flexlink:{key}": value for key, value in document.custom_values(chain, k, STANDARD_FIELDS).items()}
     kind = chain.joint_kinds[k].name
     joint = ET.SubElement(model, "joint", {"name": name, "type": kind, **own})
     _values(joint, dict(zip(("parent", "child"), ends, strict=True)))
     axis = ET.SubElement(joint, "axis")
-    _values(axis, {"xyz": axis_text(hinge)})
-    limit = limits(hinge) | ({"effort": "0"} if chain.coordinates[k].axis and not hinge["armature"] else {})
+    _values(axis, {"xyz": document.axis_text(hinge)})
+    limit = document.limits(hinge) | ({"effort": "0"} if chain.coordinates[k].axis and not hinge["armature"] else {})
     if limit:
         _values(ET.SubElement(axis, "limit"), limit)
     _values(ET.SubElement(axis, "dynamics"), {key: decimals([hinge[field]]) for key, field in DYNAMICS.items()})
@@ -187,7 +167,7 @@ OWN = f"{{{NAMESPACES['xmlns:flexlink']}}}"  # the namespace prefix as parsers w
 
 def read_sdf(text: str | bytes, *, what: str = "the SDF") -> Chain:
     """Read an SDF file written by `to_sdf` back to its chain; parameters and errors are as in `read_urdf`."""
-    return read(text, what, tag="sdf", to_chain=_chain, write=to_sdf, ignored=frozenset({"visual"}))
+    return reading.read(text, what, tag="sdf", to_chain=_chain, write=to_sdf, ignored=frozenset({"visual"}))
 
 
 def _chain(sdf: Node) -> Chain:
@@ -202,7 +182,7 @@ def _chain(sdf: Node) -> Chain:
     mass = _read_body(floating[0].one("inertial")) if floating else None
     gravity = sdf.one("world").one("gravity").numbers(3)
     coupled = model.all(f"frame/{OWN}coupling")
-    return chain_of(model, model, OWN, gravity, links, hinges, ends, mass, coupled)
+    return reading.chain_of(model, model, OWN, gravity, links, hinges, ends, mass, coupled)
 
 
 def _text(element: Node, path: str) -> str:
@@ -211,7 +191,7 @@ def _text(element: Node, path: str) -> str:
 
 def _read_end(frame: Node, links: Sequence[str], behind: Mapping[str, str]) -> End:
     parent = behind.get(frame.attribute("attached_to"), "")
-    return End(frame, link_of(frame, f"{OWN}link", links), parent, *_read_place(frame))
+    return End(frame, reading.link_of(frame, f"{OWN}link", links), parent, *_read_place(frame))
 
 
 def _read_place(element: Node) -> tuple[Array, Array]:
@@ -228,12 +208,12 @@ def _read_hinge(joint: Node, link: Node, links: Sequence[str], behind: Mapping[s
     rotor = joint.all(f"{{{NAMESPACES['xmlns:drake']}}}rotor_inertia")
     numbers["axis"] = axis.unit_axis(axis.numbers(3), joint.attribute("type"))
     numbers["armature"] = rotor[0].number() if rotor else 0.0
-    place = coordinate(joint, joint.numbers(3, f"{OWN}coordinate"), links)
+    place = reading.coordinate(joint, joint.numbers(3, f"{OWN}coordinate"), links)
     parent = behind.get(_text(joint, "parent"), "")
     return Hinge(joint, parent, *_read_place(link), numbers, place, _read_body(link.one("inertial")))
 
 
 def _read_body(inertial: Node) -> Mass | None:
     mass = inertial.one("mass").number()
-    I = inertia_matrix([inertial.one("inertia").one(key).number() for key in UPPER_TRIANGLE])
+    I = reading.inertia_matrix([inertial.one("inertia").one(key).number() for key in UPPER_TRIANGLE])
     return (mass, np.array(inertial.one("pose").numbers(6)[:3]), I) if mass or I.any() else None

@@ -162,7 +162,7 @@ class Refinement:
         run = self.scene.run
         if not run.controlled:
             return Stepping(run.method, step=factor * run.fixed_step)
-        size = float(self.study.bent_by.max()) if run.accuracy == "deflection" else self.study.size
+        size = float(self.study.bent_by.max()) if run.accuracy == "deflection" else self.chain.size
         return Stepping(run.method, tolerance=factor * run.tolerance_within(size))
 
     @cached_property
