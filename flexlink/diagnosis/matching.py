@@ -1,4 +1,4 @@
-"""Match the joints of two records by name, else by the bodies they move, else, without branches, by their order."""
+"""Match the joints of two records by name, else by the bodies they move, else, in a serial chain, by their order."""
 
 from __future__ import annotations
 
@@ -38,11 +38,10 @@ class Match(NamedTuple):
 
 def match_joints(ours: ReadBack, theirs: ReadBack) -> Match | tuple[str, str]:
     """Return the match, or the reason for its failure and the remedy."""
-    branches, by = (
-        len(set(ours.parents.tolist())) < ours.n,
-        "names" if sorted(ours.names) == sorted(theirs.names) else "bodies",
-    )
-    sequence, paired = None if branches else _from_base_to_tip(theirs), _paired(ours, theirs)
+    is_tree, by = len({*ours.parents.tolist()}) < ours.n, "bodies"
+    if sorted(ours.names) == sorted(theirs.names):
+        by = "names"
+    sequence, paired = None if is_tree else _from_base_to_tip(theirs), _paired(ours, theirs)
     floats = [{*BASE_JOINTS} <= {*read.names} for read in (ours, theirs)]
     if floats[0] != floats[1]:
         what = f"the base {'floats' if floats[1] else 'is fixed'} in the file, but not in the scene"
@@ -62,7 +61,7 @@ def match_joints(ours: ReadBack, theirs: ReadBack) -> Match | tuple[str, str]:
     own = {field: getattr(ours, field) for field in fields if hasattr(ours, field)}
     record = theirs.in_order(order, bodies, **own)
     positions = None if sequence is None else np.argsort(sequence)[order]
-    if branches:
+    if is_tree:
         parents = np.append(np.argsort(order), -1)[theirs.parents[order]]
         elsewhere = parents != ours.parents
         positions = None if elsewhere.any() else np.arange(ours.n)

@@ -173,14 +173,9 @@ class Difference:
 
 
 def compare_engines(
-    chain: Chain,
-    native: Engine,
-    engines: Sequence[Engine],
-    states: Sequence[State],
-    *,
-    quantities: Iterable[str] = tuple(QUANTITIES),
-    progress: Callable[[float], None] | None = None,
-) -> tuple[Difference, ...]:
+    chain: Chain, native: Engine, engines: Sequence[Engine], states: Sequence[State], *,
+    quantities: Iterable[str] = tuple(QUANTITIES), progress: Callable[[float], None] | None = None,
+) -> tuple[Difference, ...]:  # fmt: skip
     """Compare the quantities of every engine with the quantities of `native` at the given states."""
     names, reports = list(quantities), 200  # approximate number of calls of `progress`
     worst: dict[tuple[int, str], Difference] = {}

@@ -28,13 +28,12 @@ from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, Leaf
 
 from flexlink.chain.arguments import vector
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array, Indices
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines import base, couplings
 from flexlink.engines.coordinates import BASE_JOINTS, Coordinates, Floating
-from flexlink.engines.other_program import OtherProgram, excess_of, refuse_in_files
+from flexlink.engines.other_program import OtherProgram, cannot_load, excess_of, refuse_in_files
 from flexlink.engines.read_back import ReadBack, merge_bodies, no_actuators, require_joints
 from flexlink.formats.document import loaded_tip, tips
 from flexlink.formats.sdf import read_sdf, sdf_names, to_sdf
@@ -56,9 +55,7 @@ class DrakeEngine(OtherProgram):
             self._parse(exported, names[: chain.n], names[2 * chain.n + frame])
         except RuntimeError as error:
             reason = " ".join(str(error).split())  # on one line
-            raise ArgumentError(
-                f"Drake cannot load {chain.name!r}: {reason}; use another engine", id="engine-cannot-load"
-            ) from error
+            raise cannot_load("Drake", repr(chain.name), f"{reason}; use another engine") from error
         self.excess = excess_of(chain, lambda: read_sdf(exported))
 
     @classmethod
@@ -69,7 +66,7 @@ class DrakeEngine(OtherProgram):
         try:
             engine._parse(text, reference=file.base)
         except (RuntimeError, ValueError) as error:
-            raise ArgumentError(f"Drake cannot load the file: {error}", id="engine-cannot-load") from error
+            raise cannot_load("Drake", "the file", error) from error
         return engine
 
     def _parse(self, text: str, names: Sequence[str] = (), tip: str = "", reference: Array | None = None) -> None:

@@ -198,19 +198,17 @@ class _System:
     def driven(self, torques: TorqueFunction | None, wrench: base.TipWrench | None) -> Iterator[None]:
         """Make Exudyn evaluate drive torques and a tip wrench at every stage."""
         try:
-            self.mbs.SetObjectParameter(self.tree, "forceUserFunction", torques or 0)
-            for load, part in ((self.force, slice(3)), (self.moment, slice(3, 6))):
-                self._set_function(load, None if wrench is None else self._part(wrench, part))
-                self.mbs.SetLoadParameter(load, "bodyFixed", wrench is not None and wrench.follows)
+            self._drive(torques, wrench)
             yield
         finally:
-            self.mbs.SetObjectParameter(self.tree, "forceUserFunction", 0)
-            for load in (self.force, self.moment):
-                self._set_function(load, None)
-                self.mbs.SetLoadParameter(load, "bodyFixed", False)
+            self._drive(None, None)
 
-    def _set_function(self, load: int, function: LoadFunction | None) -> None:
-        self.mbs.SetLoadParameter(load, "loadVectorUserFunction", function or 0)
+    def _drive(self, torques: TorqueFunction | None, wrench: base.TipWrench | None) -> None:
+        self.mbs.SetObjectParameter(self.tree, "forceUserFunction", torques or 0)
+        for load, part in ((self.force, slice(3)), (self.moment, slice(3, 6))):
+            function = 0 if wrench is None else self._part(wrench, part)
+            self.mbs.SetLoadParameter(load, "loadVectorUserFunction", function)
+            self.mbs.SetLoadParameter(load, "bodyFixed", wrench is not None and wrench.follows)
 
     def _part(self, wrench: base.TipWrench, part: slice) -> LoadFunction:
         """Return a load function with Exudyn's signature; a wrench that follows the tip is in axes of the last link."""

@@ -22,11 +22,10 @@ import mujoco
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.engines import base, couplings, mujoco_reader, mujoco_tendons
-from flexlink.engines.other_program import OtherProgram, excess_of, refuse_in_files
+from flexlink.engines.other_program import OtherProgram, cannot_load, excess_of, refuse_in_files
 from flexlink.engines.read_back import ReadBack
 from flexlink.formats import to_mjcf
 from flexlink.formats.document import loaded_tip, xml_joint_names
@@ -51,9 +50,7 @@ class MujocoEngine(OtherProgram):
                 exported = to_mjcf(chain, shapes=False)
                 model = mujoco.MjModel.from_xml_string(exported)
         except ValueError as error:
-            raise ArgumentError(
-                f"MuJoCo cannot load {chain.name!r}: {error}; use another engine", id="engine-cannot-load"
-            ) from error
+            raise cannot_load("MuJoCo", repr(chain.name), f"{error}; use another engine") from error
         self._use(model, mujoco_reader.read(model), xml_joint_names(chain), loaded_tip(chain).name)
         self.excess = excess_of(chain, lambda: self._with_springs(chain))
 
@@ -73,7 +70,7 @@ class MujocoEngine(OtherProgram):
                 spec = mujoco.MjSpec.from_file(str(file.path))
                 model = spec.compile()
         except (ValueError, RuntimeError, mujoco.FatalError) as error:
-            raise ArgumentError(f"MuJoCo cannot load the file: {error}", id="engine-cannot-load") from error
+            raise cannot_load("MuJoCo", "the file", error) from error
         engine = cls.__new__(cls)
         record = mujoco_reader.read(model, spec, file.base)
         if file.format == "urdf":

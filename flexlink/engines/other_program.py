@@ -105,6 +105,11 @@ def excess_of(chain: Chain, read: Callable[[], Chain]) -> Callable[[Array], Arra
     return lambda q: np.array(excess_torque(loaded.bodies, loaded.hinges, loaded.couplings, np.array(q)))
 
 
+def cannot_load(engine: str, what: str, reason: object) -> ArgumentError:
+    """Return the error of a program that refuses an arm or a file."""
+    return ArgumentError(f"{engine} cannot load {what}: {reason}", id="engine-cannot-load")
+
+
 def refuse_in_files(engine: str, path: Path) -> None:
     """Refuse a file with rotation-vector springs, which only chains built by flexlink support."""
     if ROTATION_SPRINGS.encode() in path.read_bytes():

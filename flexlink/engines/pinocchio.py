@@ -29,7 +29,7 @@ from flexlink.describe.scene import Scene
 from flexlink.engines import couplings
 from flexlink.engines.base import ForeignFile, Samples, fixed_steps_problem
 from flexlink.engines.coordinates import BASE_JOINTS, Coordinates, Floating
-from flexlink.engines.other_program import OtherProgram, excess_of, refuse_in_files
+from flexlink.engines.other_program import OtherProgram, cannot_load, excess_of, refuse_in_files
 from flexlink.engines.read_back import Parts, ReadBack, merge_bodies, no_actuators, require_joints
 from flexlink.formats.document import loaded_tip, xml_joint_names
 from flexlink.formats.urdf import LIMIT, read_urdf, to_urdf
@@ -59,7 +59,7 @@ class PinocchioEngine(OtherProgram):
         try:
             engine._parse(ET.tostring(robot, encoding="unicode"), base=file.base)
         except (ValueError, RuntimeError) as error:
-            raise ArgumentError(f"Pinocchio cannot load the file: {error}", id="engine-cannot-load") from error
+            raise cannot_load("Pinocchio", "the file", error) from error
         engine.held, engine._free = np.zeros(0, dtype=np.intp), np.arange(engine.n)
         return engine
 

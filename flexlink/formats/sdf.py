@@ -49,7 +49,7 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
     -------
     str
         The document: a world with gravity and one model. Joints are in sequential order, with the names of
-        `Chain.joint_names` if SDFormat allows them. Frame `tip` is the tip frame; tips of other branches are named
+        `Chain.joint_names` if SDFormat allows them. Frame `tip` is the tip frame; other tips are named
         after the links that end there. Numbers read back exactly; rotations are written as roll, pitch and yaw.
 
     Raises

@@ -49,7 +49,7 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
     -------
     str
         The document. Joints are in sequential order, with the names of `Chain.joint_names`. Each driven joint has a
-        transmission of the same name. Link `tip` is the tip frame; tips of other branches are named after the links
+        transmission of the same name. Link `tip` is the tip frame; other tips are named after the links
         that end there. Other links are named after their joints, or, if a joint has a separate name (`Joint.name`),
         have the name of the scene's link. Numbers read back exactly; rotations are written as roll, pitch and yaw.
 

@@ -93,7 +93,7 @@ def _picture(study: Study, size: float) -> Picture:
     views = views_of(chain, both)
     figure, axes = panels(views, chain, both)
     for panel, view in zip(axes, views, strict=True):
-        draw_shadow(panel, view, straight, chain, "undeformed")
+        draw_shadow(panel, view, straight, chain, label="undeformed", zorder=1)
         draw_arm(panel, view, shown, chain)
     legend_over(axes[0], figure=figure)
     csv = table_csv(

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexlink.chain.branches import as_lines
 from flexlink.dynamics.vibration.modal import Modes
 from flexlink.dynamics.vibration.steady import modes_at_rest
-from flexlink.pages.colours import BLUE, GREY, VERMILION
+from flexlink.pages.colours import BLUE, VERMILION
 from flexlink.pages.numbers import number
 from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture
@@ -16,6 +15,7 @@ from flexlink.pages.tables import Cell, Table, table_csv
 from flexlink.pages.verdict import Fact
 from flexlink.results.convergence import resolved
 from flexlink.results.pictures.view import view_of_motion
+from flexlink.scene_report.arm_picture import draw_shadow
 from flexlink.scene_report.study import Study
 
 from matplotlib.figure import Figure  # isort: skip
@@ -78,10 +78,9 @@ def _picture(study: Study, found: Modes, fine: tuple[bool, ...]) -> Picture:
         path = found.paths[k].real if np.abs(found.paths[k].real).max() > 0 else found.paths[k].imag
         bent = found.points + amplitude / (np.abs(path).max() or 1.0) * path
         view = view_of_motion(study.chain, found.points, bent)
-        panel.plot(*view.flat(as_lines(study.chain, found.points, base=False)), color=GREY, linewidth=1.0)
-        line = "-" if fine[k] else "--"
-        shape, colour = view.flat(as_lines(study.chain, bent, base=False)), BLUE if fine[k] else VERMILION
-        panel.plot(*shape, line, color=colour, marker=".", markersize=4)
+        draw_shadow(panel, view, found.points, study.chain, base=False)
+        look = {"linestyle": "-", "color": BLUE} if fine[k] else {"linestyle": "--", "color": VERMILION}
+        draw_shadow(panel, view, bent, study.chain, base=False, linewidth=None, marker=".", markersize=4, **look)
         coarse = "" if fine[k] else ", not resolved"
         frequency = f"{number(float(found.hertz[k]))} Hz" if np.isfinite(found.hertz[k]) else "unstable, no frequency"
         panel.set_title(f"{k + 1}: {frequency}{coarse}")
