@@ -35,8 +35,7 @@ from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.engines import ENGINES
 from flexlink.engines.actuators import mark_unspecified, not_compared, taken_from_scene, with_drive
 from flexlink.engines.base import Engine, FileEngine, Samples
-from flexlink.engines.couplings import COUPLED_FIELDS
-from flexlink.engines.read_back import ACTUATOR_FIELDS, ReadBack, of_chain, to_chain
+from flexlink.engines.read_back import ACTUATOR_FIELDS, COUPLED_FIELDS, ReadBack, of_chain, to_chain
 
 WITHOUT_WRENCH = tuple(name for name in QUANTITIES if "wrench" not in name)
 

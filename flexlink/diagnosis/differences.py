@@ -17,8 +17,7 @@ from flexlink.diagnosis.matching import Match, match_joints
 from flexlink.diagnosis.mistakes import Field, _names, _short, _where, table
 from flexlink.diagnosis.shapes import Discrepancy, any_difference, fewer_digits
 from flexlink.engines.actuators import limits
-from flexlink.engines.couplings import COUPLED_FIELDS
-from flexlink.engines.read_back import ACTUATOR_FIELDS, AXIS_FIELDS, BODY_FIELDS, JOINT_FIELDS, ReadBack
+from flexlink.engines.read_back import ACTUATOR_FIELDS, AXIS_FIELDS, BODY_FIELDS, COUPLED_FIELDS, JOINT_FIELDS, ReadBack
 
 EXACT = 1e-12
 """Relative tolerance for copied numbers."""

@@ -128,7 +128,7 @@ class Term(NamedTuple):
     error: Callable[[Chain, State, Array, Array], Array]
 
 
-def _bounded(evaluate: Callable[[Engine, State], Array], bound: Callable[[Chain, State], Array]) -> Term:
+def _bounded(evaluate: Callable[[Engine, State], Array], bound: Callable[[Chain, State], Array | float]) -> Term:
     return Term(evaluate, lambda c, s, one, other: in_units(one - other, bound(c, s)))
 
 

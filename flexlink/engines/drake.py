@@ -31,10 +31,11 @@ from flexlink.chain.chain import Chain
 from flexlink.common.types import Array, Indices
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
-from flexlink.engines import base, couplings
+from flexlink.engines import base
+from flexlink.engines import read_back as records
 from flexlink.engines.coordinates import BASE_JOINTS, Coordinates, Floating
 from flexlink.engines.other_program import OtherProgram, cannot_load, excess_of, refuse_in_files
-from flexlink.engines.read_back import ReadBack, merge_bodies, no_actuators, require_joints
+from flexlink.engines.read_back import COUPLED_FIELDS, ReadBack
 from flexlink.formats.document import loaded_tip, tips
 from flexlink.formats.sdf import read_sdf, sdf_names, to_sdf
 
@@ -84,9 +85,7 @@ class DrakeEngine(OtherProgram):
         self.coulomb = np.array([float(element.findtext("axis/dynamics/friction", "0")) for element in elements])
         self.coulomb_width = np.array([float(element.get(width, "1")) for element in elements])
         own = any(width in element.attrib for element in elements)
-        specified = {"coulomb_width": own, "gravity": gravity is not None} | dict.fromkeys(
-            couplings.COUPLED_FIELDS, own
-        )
+        specified = {"coulomb_width": own, "gravity": gravity is not None} | dict.fromkeys(COUPLED_FIELDS, own)
         self.unspecified = frozenset(name for name, there in specified.items() if not there)
         self.n, self.context = self.plant.num_velocities(), self.plant.CreateDefaultContext()
         floats, rotation = BASE_JOINTS[0] in degrees, "" if model is None else model.get(f"{OWN}base", "")
@@ -94,7 +93,7 @@ class DrakeEngine(OtherProgram):
             reference = np.reshape([float(x) for x in rotation.split()], (3, 3)) if rotation else np.eye(3)
         order = np.array([degrees[name] for name in self.names])
         self.coordinates = Coordinates(order, reference if floats else None, floating)
-        self.couplings = couplings.of_elements(root.iter(f"{OWN}coupling"), self.names)
+        self.couplings = records.of_elements(root.iter(f"{OWN}coupling"), self.names)
         self.rest = self.read_back().rest
         frames = root.findall(".//model/frame")
         last = moving_joints(self.plant)[-1].frame_on_child()
@@ -103,7 +102,7 @@ class DrakeEngine(OtherProgram):
     def read_back(self) -> ReadBack:
         """Return the arm's properties as Drake has read them."""
         own = {"coulomb": self.coulomb, "coulomb_width": self.coulomb_width}
-        own |= couplings.to_matrices(self.couplings, self.n)
+        own |= records.to_matrices(self.couplings, self.n)
         return read(self.plant, self.context, self.coordinates, self.names, own, self.unspecified)
 
     def fill_missing(self, fields: Mapping[str, Array]) -> None:
@@ -277,7 +276,7 @@ def moving_joints(plant: Any) -> list[Any]:
     known = (*ONE_AXIS, tree.QuaternionFloatingJoint)
     joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
     moving = sorted((joint for joint in joints if joint.num_velocities()), key=lambda joint: joint.velocity_start())
-    require_joints([(joint.name(), "" if isinstance(joint, known) else joint.type_name()) for joint in moving])
+    records.require_joints([(joint.name(), "" if isinstance(joint, known) else joint.type_name()) for joint in moving])
     return moving
 
 
@@ -327,7 +326,7 @@ def read(
     fields |= _bodies(plant, context, behind, points)
     record = ReadBack(
         names=("",) * n, parents=parents, axes=axes, points=points, frames=R, slides=slides,
-        **no_actuators(n) | {"gear": driven, "effort": np.stack([-most, most], axis=1)}, **fields,
+        **records.no_actuators(n) | {"gear": driven, "effort": np.stack([-most, most], axis=1)}, **fields,
         gravity=np.array(plant.gravity_field().gravity_vector()), tip=_tip(plant, context), unspecified=unspecified,
         bodies=tuple(joint.child_body().name() for joint in joints),
     )  # fmt: skip
@@ -366,7 +365,7 @@ def _bodies(plant: Any, context: Any, behind: Indices, points: Array) -> dict[st
         R, c = X.rotation().matrix(), M.get_com()
         masses[k], centers[k] = M.get_mass(), X.translation() + R @ c
         inertias[k] = R @ M.Shift(c).CalcRotationalInertia().CopyToFullMatrix3() @ R.T
-    return merge_bodies(behind, masses, centers, inertias, points)
+    return records.merge_bodies(behind, masses, centers, inertias, points)
 
 
 def _springs(plant: Any) -> dict[str, tuple[float, float]]:

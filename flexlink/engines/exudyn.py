@@ -31,9 +31,8 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.floating_base import ANGLES
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines import base
-from flexlink.engines.couplings import to_matrices
 from flexlink.engines.other_program import OtherProgram, excess_of
-from flexlink.engines.read_back import ReadBack, of_chain
+from flexlink.engines.read_back import ReadBack, of_chain, to_matrices
 from flexlink.formats import read_urdf, to_urdf
 from flexlink.formats.document import loaded_tip, places
 

@@ -24,9 +24,9 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
-from flexlink.engines import base, couplings, mujoco_reader, mujoco_tendons
+from flexlink.engines import base, mujoco_reader, mujoco_tendons
 from flexlink.engines.other_program import OtherProgram, cannot_load, excess_of, refuse_in_files
-from flexlink.engines.read_back import ReadBack
+from flexlink.engines.read_back import COUPLED_FIELDS, ReadBack
 from flexlink.formats import to_mjcf
 from flexlink.formats.document import loaded_tip, xml_joint_names
 from flexlink.kernels.layout import COUPLING
@@ -75,7 +75,7 @@ class MujocoEngine(OtherProgram):
         record = mujoco_reader.read(model, spec, file.base)
         if file.format == "urdf":
             unspecified = frozenset(
-                {"gravity", "stiffness", "rest", "armature", "coulomb_width", "autoreset", *couplings.COUPLED_FIELDS}
+                {"gravity", "stiffness", "rest", "armature", "coulomb_width", "autoreset", *COUPLED_FIELDS}
             )
             record = dataclasses.replace(record, unspecified=unspecified, integrator="", step=None)
         engine._use(model, record, reference=file.base)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.chain import Chain
+from flexlink.chain.chain import Chain, add_products
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.schemes.methods import method
@@ -25,7 +25,7 @@ from flexlink.engines.base import (
     wrench_function,
 )
 from flexlink.engines.coordinates import Coordinates
-from flexlink.engines.couplings import COUPLED_FIELDS, of_matrices, torque
+from flexlink.engines.read_back import COUPLED_FIELDS, of_matrices
 from flexlink.formats.document import ROTATION_SPRINGS
 from flexlink.kernels.forces.rotation_springs import excess_torque
 from flexlink.kernels.inputs.drive_torque import follow
@@ -88,9 +88,11 @@ class OtherProgram(Engine):
     def _friction(self, qd: Array) -> Array:
         return np.asarray(self.coulomb * np.tanh(qd / self.coulomb_width))
 
-    def _between(self, field: str, φ: Array) -> Array | float:
-        """Torques of springs or dampers between joints, for `field` "stiffness" or "damping"."""
-        return torque(self.couplings, field, φ) if len(self.couplings) else 0.0
+    def _between(self, field: str, φ: Array) -> Array:
+        """Torques Σ_j K_ij φ_j of springs, or Σ_j D_ij φ_j of dampers between joints, by `field` of `COUPLING`."""
+        total = np.zeros(len(φ))
+        add_products(total, self.couplings, self.couplings[field], φ)
+        return total
 
     def _beyond(self, q: Array) -> Array | float:
         """Torque of rotation-vector springs minus the torque of angle springs."""

@@ -26,11 +26,11 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array, Indices
 from flexlink.describe.arm import BASE
 from flexlink.describe.scene import Scene
-from flexlink.engines import couplings
+from flexlink.engines import read_back as records
 from flexlink.engines.base import ForeignFile, Samples, fixed_steps_problem
 from flexlink.engines.coordinates import BASE_JOINTS, Coordinates, Floating
 from flexlink.engines.other_program import OtherProgram, cannot_load, excess_of, refuse_in_files
-from flexlink.engines.read_back import Parts, ReadBack, merge_bodies, no_actuators, require_joints
+from flexlink.engines.read_back import COUPLED_FIELDS, Parts, ReadBack
 from flexlink.formats.document import loaded_tip, xml_joint_names
 from flexlink.formats.urdf import LIMIT, read_urdf, to_urdf
 
@@ -95,9 +95,9 @@ class PinocchioEngine(OtherProgram):
         self.coulomb_width[[name in BASE_JOINTS for name in self.names]] = 1.0
         self.damping, self.coulomb = np.array(model.damping)[order], np.array(model.friction)[order]
         self.gear = transmissions(robot, self.names)
-        self.couplings = couplings.of_elements(robot.findall("flexlink/coupling"), self.names)
+        self.couplings = records.of_elements(robot.findall("flexlink/coupling"), self.names)
         plain = all(element is None for element in elements)
-        self.unspecified = frozenset((*not_in_urdf, *couplings.COUPLED_FIELDS) if plain else ())
+        self.unspecified = frozenset((*not_in_urdf, *COUPLED_FIELDS) if plain else ())
         if own_element is None:
             self.unspecified |= {"gravity"}
         else:
@@ -108,7 +108,7 @@ class PinocchioEngine(OtherProgram):
     def read_back(self) -> ReadBack:
         """Return the arm's properties as Pinocchio has read them, with the file's springs and transmissions."""
         own = {name: getattr(self, name) for name in ("stiffness", "rest", "coulomb_width", "gear")}
-        own |= couplings.to_matrices(self.couplings, self.n)
+        own |= records.to_matrices(self.couplings, self.n)
         return read(self.model, self.coordinates, self.names, own, self.unspecified)
 
     def fill_missing(self, fields: Mapping[str, Array]) -> None:
@@ -204,7 +204,7 @@ def degrees_of_freedom(model: Any) -> dict[str, int]:
         kinds.append((name, "" if plain or kind == FREE_FLYER else kind))
         names = BASE_JOINTS if kind == FREE_FLYER else (name,)
         found |= {each: joint.idx_v + k for k, each in enumerate(names)}
-    require_joints(kinds)
+    records.require_joints(kinds)
     return dict(sorted(found.items(), key=lambda pair: pair[1]))
 
 
@@ -245,7 +245,7 @@ def read(
     inertias = [np.array([getattr(link, part) for link in model.inertias]) for part in ("mass", "lever", "inertia")]
     (p, R), (masses, levers, I) = places, inertias
     points = p[joints]
-    bodies = merge_bodies(last, masses, p + np.einsum("bij,bj->bi", R, levers), R @ I @ R.mT, points)
+    bodies = records.merge_bodies(last, masses, p + np.einsum("bij,bj->bi", R, levers), R @ I @ R.mT, points)
     most = np.array(model.upperEffortLimit)
     most[(most <= 0) | (most >= float(LIMIT["effort"]))] = np.inf  # as URDF requires a number where there is no limit
     # links that joints move; other links are fixed to them
@@ -254,7 +254,7 @@ def read(
     record = ReadBack(
         names=("",) * n, parents=parents, axes=axes, points=points, frames=R[joints], slides=slides,
         **bodies | {"parts": _parts(model, R, last)},
-        **nothing | no_actuators(n) | {"effort": np.stack([-most, most], axis=1)},
+        **nothing | records.no_actuators(n) | {"effort": np.stack([-most, most], axis=1)},
         damping=np.array(model.damping), coulomb=np.array(model.friction), armature=np.array(model.armature),
         gravity=np.array(model.gravity.linear), tip=_tip(model, data), unspecified=unspecified,
         bodies=tuple(links.get(k, "") for k in joints),

@@ -7,8 +7,9 @@ point along its axis.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
+from xml.etree import ElementTree as ET
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,15 +21,15 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.products import cross
 from flexlink.common.types import Array
 from flexlink.dynamics.placement import frames
-from flexlink.engines.couplings import COUPLED_FIELDS, of_matrices, to_matrices
 from flexlink.formats.document import loaded_tip, tips
-from flexlink.kernels.layout import BODY, SLIDES
+from flexlink.kernels.layout import BODY, COUPLING, SLIDES
 
 Indices = NDArray[np.intp]
 
 AXIS_FIELDS = ("axes", "points")
 BODY_FIELDS = ("masses", "centers", "inertias")
 JOINT_FIELDS = ("stiffness", "rest", "damping", "coulomb", "coulomb_width", "armature")  # also fields of `HINGE`
+COUPLED_FIELDS = {"coupled_stiffness": "stiffness", "coupled_damping": "damping"}  # and their fields in `COUPLING`
 ACTUATOR_FIELDS = ("gear", "servo_stiffness", "servo_damping", "constant_torque", "effort")
 
 
@@ -117,9 +118,9 @@ class ReadBack:
         if self.gravity.shape != (3,) or not np.isfinite(self.gravity).all():
             raise _refused("gravity", self.gravity, "three finite numbers")
         lengths = np.linalg.norm(self.axes, axis=1)
-        k = int(np.abs(lengths - 1).argmax())
-        if abs(lengths[k] - 1) > 1e-9:
-            raise _refused(f"axis of joint {self.names[k]!r}", f"a vector of length {lengths[k]:.6g}", "1")
+        worst = int(np.abs(lengths - 1).argmax())
+        if abs(lengths[worst] - 1) > 1e-9:
+            raise _refused(f"axis of joint {self.names[worst]!r}", f"a vector of length {lengths[worst]:.6g}", "1")
 
 
 def _refused(what: str, value: object, allowed: str) -> ArgumentError:
@@ -238,3 +239,43 @@ def _frame(axis: Array) -> Array:
     x = cross(np.eye(3)[np.argmin(np.abs(axis))], axis)
     x /= np.linalg.norm(x)
     return np.stack([x, cross(axis, x), axis], axis=1)
+
+
+# Springs and dampers between two joints: records have matrices, adapters arrays of dtype `COUPLING`.
+
+
+def to_matrices(couplings: NDArray[np.void], n: int) -> dict[str, Array]:
+    """Return `COUPLED_FIELDS` of n joints: symmetric K_ij and D_ij with zero diagonal, shape (n, n)."""
+    fields = {field: np.zeros((n, n)) for field in COUPLED_FIELDS}
+    for field, matrix in fields.items():
+        i, j = couplings["inner"], couplings["outer"]
+        matrix[i, j] = matrix[j, i] = couplings[COUPLED_FIELDS[field]]
+    return fields
+
+
+def of_matrices(fields: Mapping[str, Array]) -> NDArray[np.void]:
+    """Convert the matrices `COUPLED_FIELDS` to a list of couplings."""
+    K, D = (fields[field] for field in COUPLED_FIELDS)
+    inner, outer = np.nonzero(np.triu((K != 0) | (D != 0), 1))
+    couplings = np.zeros(len(inner), COUPLING)
+    couplings["inner"], couplings["outer"] = inner, outer
+    couplings["stiffness"], couplings["damping"] = K[inner, outer], D[inner, outer]
+    return couplings
+
+
+def of_elements(elements: Iterable[ET.Element], joints: Sequence[str]) -> NDArray[np.void]:
+    """Return the couplings that flexlink's elements in a file specify; couplings of the same joint pair add up."""
+    number, found = {name: k for k, name in enumerate(joints)}, dict[tuple[int, int], Array]()
+    for element in elements:
+        ends = [element.get(key, "") for key in ("inner", "outer")]
+        i, j = sorted(number.get(name, -1) for name in ends)
+        if i < 0 or i == j:
+            raise ArgumentError(
+                f"coupling of {ends[0]!r} and {ends[1]!r}: expected two joints of the file", id="coupling-in-file"
+            )
+        try:
+            constants = np.array([float(element.get(key, "")) for key in COUPLED_FIELDS.values()])
+        except ValueError as error:
+            raise ArgumentError(f"coupling of {ends[0]!r} and {ends[1]!r}: {error}", id="coupling-in-file") from None
+        found[i, j] = found.get((i, j), 0.0) + constants
+    return np.array([(*pair, *constants) for pair, constants in found.items()], dtype=COUPLING)

@@ -184,6 +184,7 @@ def import_urdf(
 
 
 def _check_links(way: Paths, flexible: Mapping[str, FlexibleLink]) -> None:
+    links = [part.link for part in way.parts]
     for link, specified in flexible.items():
         holders = [part.link for part in way.parts if link in part.folded]
         if holders:
@@ -191,10 +192,9 @@ def _check_links(way: Paths, flexible: Mapping[str, FlexibleLink]) -> None:
                 f"flexible: link {truncated(link)} is fixed to {truncated(holders[0])}; make that link flexible",
                 id="flexible-link-fixed",
             )
-        if link not in [part.link for part in way.parts]:
-            allowed = short_list([part.link for part in way.parts])
+        if link not in links:
             raise ArgumentError(
-                f"flexible: link {truncated(link)} is not between base and tip; allowed are {allowed}",
+                f"flexible: link {truncated(link)} is not between base and tip; allowed are {short_list(links)}",
                 id="unknown-link",
             )
         if not isinstance(specified, FlexibleLink):
@@ -332,7 +332,7 @@ def _lifeless(way: Paths, rotors: Collection[str]) -> list[Part]:
     found = []
     for number in range(len(way.parts), 0, -1):
         part = way.parts[number - 1]
-        if part.joint.name in rotors or alive[number] or _moved(part):
+        if part.joint.name in rotors or alive[number] or _moved(part.joint, part.body):
             alive[number] = alive[part.parent] = True
         else:
             found.append(part)
@@ -340,10 +340,9 @@ def _lifeless(way: Paths, rotors: Collection[str]) -> list[Part]:
     return found[::-1]
 
 
-def _moved(part: Part) -> float:
-    """Return the mass [kg] of a part with a sliding joint, or the inertia [kg m²] of a part about its hinge."""
-    body = payload(part.body)
-    return body.about(part.joint.axis) if part.joint.turns else body.mass
+def _moved(joint: TreeJoint, body: SpatialInertia) -> float:
+    """Return the inertia [kg m²] of a body about its hinge, or its mass [kg] on a slide."""
+    return payload(body).about(joint.axis) if joint.turns else body.mass
 
 
 def with_followers(
@@ -362,7 +361,7 @@ def with_followers(
             lines.append(Diagnostic(text, "mimic-fixed"))
             continue
         body = folded(robot, joint.child, (), way.positions)[0]
-        inertia = k * k * (payload(body).about(joint.axis) if joint.turns else body.mass)
+        inertia = k * k * _moved(joint, body)
         rotors[leader.name] = rotors.get(leader.name, 0.0) + inertia
         damping, friction = leader.damping + k * k * joint.damping, leader.friction + abs(k) * joint.friction
         leader = dataclasses.replace(leader, damping=damping, friction=friction)

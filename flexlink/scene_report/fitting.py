@@ -8,6 +8,7 @@ Each fit is fast and has one parameter; scales replace the unknown noise. Standa
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Iterator
 from functools import cached_property
@@ -71,18 +72,16 @@ class Fit:
 def numbers_of(scene: Scene) -> Iterator[Tried]:
     """Yield parameters that are seldom known well: stiffness, density, payload, damping, friction, initial position."""
     arm = scene.arm
-    for name in dict.fromkeys(link.material for link in arm.links if link.flex != "rigid" and link.material):
-        material, of = arm.materials[name], f"material.{quoted(name)}"
-        yield Tried(f"{of}.young", f"stiffness of {name}", material.young)
-        yield Tried(f"{of}.density", f"density of {name}", material.density)
-        if material.loss_time:
-            yield Tried(f"{of}.loss_time", f"damping of {name}", material.loss_time)
-    for name in dict.fromkeys(link.rigidity for link in arm.links if link.rigidity):
-        table, of = arm.rigidities[name], f"rigidity.{quoted(name)}"
-        yield Tried(f"{of}.stiffness_factor", f"stiffness of {name}", table.stiffness_factor)
-        yield Tried(f"{of}.mass_factor", f"mass of {name}", table.mass_factor)
-        if table.loss_time:
-            yield Tried(f"{of}.loss_time", f"damping of {name}", table.loss_time)
+    bending = [link.material for link in arm.links if link.flex != "rigid"]
+    of_material = {"young": "stiffness", "density": "density", "loss_time": "damping"}
+    of_rigidity = {"stiffness_factor": "stiffness", "mass_factor": "mass", "loss_time": "damping"}
+    for kind, records, names, keys in (
+        ("material", arm.materials, bending, of_material),
+        ("rigidity", arm.rigidities, [link.rigidity for link in arm.links], of_rigidity),
+    ):
+        for name, (key, what) in itertools.product(dict.fromkeys(filter(None, names)), keys.items()):
+            if value := getattr(records[name], key):
+                yield Tried(f"{kind}.{quoted(name)}.{key}", f"{what} of {name}", value)
     if arm.tip.mass:
         yield Tried("tip.mass", "payload", arm.tip.mass)
     for number, (link, start) in enumerate(zip(arm.links, scene.starts, strict=True), 1):
