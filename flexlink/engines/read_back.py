@@ -100,10 +100,8 @@ class ReadBack:
         moved |= {field: getattr(self, field)[bodies] for field in BODY_FIELDS}
         moved |= {field: getattr(self, field)[np.ix_(order, order)] for field in COUPLED_FIELDS}
         moved |= {field: tuple(getattr(self, field)[k] for k in order) for field in ("names", "bodies")}
-        moved["parents"], moved["parts"] = (
-            place[self.parents[order]],
-            self.parts._replace(owner=np.argsort(bodies)[self.parts.owner]),
-        )
+        moved["parents"] = place[self.parents[order]]
+        moved["parts"] = self.parts._replace(owner=np.argsort(bodies)[self.parts.owner])
         return dataclasses.replace(self, **moved | fields)
 
     def require_sound(self) -> None:

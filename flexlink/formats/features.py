@@ -103,6 +103,10 @@ def storage_note(target: Path, missing: Mapping[str, str], *, format: str) -> Di
     for name, instead in missing.items():
         if name != "drive torques" or "control law" not in missing:
             groups.setdefault(instead, []).append(name)
-    parts = [f"{' and '.join(filter(None, [', '.join(few), last]))}: {how}" for how, (*few, last) in groups.items()]
+    parts = [f"{_and(features)}: {instead}" for instead, features in groups.items()]
     sentences = ". It cannot store the ".join(parts)
     return Diagnostic(f"{shown_path(target)}: {format.upper()} cannot store the {sentences}", "format-cannot-store")
+
+
+def _and(items: list[str]) -> str:
+    return " and ".join([", ".join(items[:-1]), items[-1]] if len(items) > 1 else items)
