@@ -72,11 +72,6 @@ class Comparison:
         return "\n".join([*(lines if self.rows else []), self.diagnosis])
 
 
-def _base(chain: Chain) -> Array | None:
-    """Rotation of a free base at zero angles; None for a fixed base."""
-    return np.array(chain.bodies["rotation"][1]) if chain.has_free_base else None
-
-
 def compare(
     scene: Scene,
     *,
@@ -136,22 +131,22 @@ def compare(
     require_type("scene", scene, Scene)
     samples, seed = integer("samples", samples, 1, MAX_SAMPLES), integer("seed", seed, 0)
     names = None if engines is None else require_each("engines", engines, str)
-    chain = lump(scene.varied({"motion": ()}))  # prescribed joints are free in the exported files
+    chain = lump(scene.varied({"motion": ()}))  # all joints are free in the exported files
     if file is not None:
         path = require_path("file", file)
         if names is not None and len(names) != 1:
             raise ArgumentError(f"engines = {names}: one engine reads a file; specify one", id="one-engine-per-file")
-        engine_of_file = load_file(path, chain.n, names[0] if names else None, base=_base(chain))
+        base = np.array(chain.bodies["rotation"][1]) if chain.has_free_base else None
+        engine_of_file = load_file(path, chain.n, names[0] if names else None, base=base)
         states = [s._replace(wrench=np.zeros(6)) for s in mixed_states(chain, samples, seed=seed)]
         diagnosis = diagnose_file(chain, engine_of_file, states, progress, scene=scene)
         return Comparison(f"{scene.name} and {path}", samples, (diagnosis,))
     loaded, refused = _loaded(chain, names)
     native, states = load("native", chain), mixed_states(chain, samples, seed=seed)
     rows = compare_engines(chain, native, loaded, states, progress=progress)
-    diagnoses = (
-        diagnose(chain, engine, [row for row in rows if row.engine == engine.name], states) for engine in loaded
-    )
-    return Comparison(scene.name, samples, tuple(diagnoses), refused)
+    of_engine = {engine: [row for row in rows if row.engine == engine.name] for engine in loaded}
+    diagnoses = tuple(diagnose(chain, engine, own, states) for engine, own in of_engine.items())
+    return Comparison(scene.name, samples, diagnoses, refused)
 
 
 def _loaded(chain: Chain, names: Sequence[str] | None) -> tuple[list[Engine], tuple[str, ...]]:
@@ -169,9 +164,6 @@ def _loaded(chain: Chain, names: Sequence[str] | None) -> tuple[list[Engine], tu
     return loaded, tuple(f"{name}: {error}" for name, error in errors.items())
 
 
-# Load foreign files, which flexlink did not write, with the engine for their format.
-
-
 READERS = {"mjcf": ("mujoco",), "urdf": ("pinocchio", "mujoco"), "sdf": ("drake",)}
 """Engines for each format, the default first."""
 
@@ -181,20 +173,8 @@ def load_file(
 ) -> tuple[str, FileEngine, tuple[str, ...]]:
     """Load a file with about `n` joints in a child process, since the engine may crash, or in this process (`here`).
 
-    Return its format, its engine, and the errors that the engine printed without stopping.
-
-    `base` is the rotation of a floating base at zero angles; the base in the file must float as well.
-
-    Raises
-    ------
-    DataFileError
-        The file cannot be read, is not MJCF, URDF or SDF, is too large, or the engine refuses it.
-    ArgumentError
-        The engine does not support this format.
-    EngineError
-        The child process ended.
-    MissingDependencyError
-        The engine is not installed.
+    Return its format, its engine, and the errors that the engine printed without stopping. `base` is the rotation of a
+    floating base at zero angles; the base in the file must float as well.
     """
     format = _format(path, n)
     name = engine or READERS[format][0]

@@ -35,8 +35,7 @@ from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.engines import ENGINES
 from flexlink.engines.actuators import mark_unspecified, not_compared, taken_from_scene, with_drive
 from flexlink.engines.base import Engine, FileEngine, Samples
-from flexlink.engines.couplings import COUPLED_FIELDS
-from flexlink.engines.read_back import ACTUATOR_FIELDS, ReadBack, of_chain, to_chain
+from flexlink.engines.read_back import ACTUATOR_FIELDS, COUPLED_FIELDS, ReadBack, of_chain, to_chain
 
 WITHOUT_WRENCH = tuple(name for name in QUANTITIES if "wrench" not in name)
 
@@ -45,21 +44,9 @@ WITHOUT_WRENCH = tuple(name for name in QUANTITIES if "wrench" not in name)
 class Diagnosis:
     """Agreement and differences of one engine, and their causes.
 
-    Attributes
-    ----------
-    engine
-        Name of the engine.
-    rows
-        Compared quantities.
-    findings
-        Differences in what the engine has read, the largest effect first and lost digits last; for flexlink's exports,
-        they are only computed if a quantity differs.
-    explained
-        Whether native dynamics with the numbers that the engine has read agree with the engine; None if not computed.
-    notes
-        Additional information.
-    left_out
-        Contents of the file that are not compared.
+    `findings` are differences in what the engine has read, the largest effect first and lost digits last; for
+    flexlink's exports, they are only computed if a quantity differs. `explained` is whether native dynamics with the
+    numbers that the engine has read agree with the engine; None if not computed.
     """
 
     engine: str
@@ -67,7 +54,7 @@ class Diagnosis:
     findings: tuple[Finding, ...] = ()
     explained: bool | None = None
     notes: tuple[Diagnostic, ...] = ()
-    left_out: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()  # contents of the file that are not compared
 
     @property
     def passed(self) -> bool:
@@ -121,32 +108,21 @@ def _by_us(chain: Chain, engine: str) -> tuple[Diagnostic, ...]:
     """Notes on parts of the arm that the engine does not compute itself."""
     if engine not in ENGINES or engine == "native":
         return ()
-    notes = []
-    if len(chain.couplings) and not ENGINES[engine].between_joints:
-        text = "flexlink computes springs and dampers between two joints, with the numbers of the file"
-        notes.append(Diagnostic(text, "computed-by-flexlink"))
-    if chain.has_rotation_springs:
-        text = "flexlink computes what rotation-vector springs add to angle springs, with the numbers of the file"
-        notes.append(Diagnostic(text, "computed-by-flexlink"))
-    return tuple(notes)
+    computed = {
+        "springs and dampers between two joints": len(chain.couplings) and not ENGINES[engine].between_joints,
+        "what rotation-vector springs add to angle springs": chain.has_rotation_springs,
+    }
+    texts = (f"flexlink computes {what}, with the numbers of the file" for what, there in computed.items() if there)
+    return tuple(Diagnostic(text, "computed-by-flexlink") for text in texts)
 
 
 def diagnose_file(
-    chain: Chain,
-    loaded: tuple[str, FileEngine, tuple[str, ...]],
-    states: Sequence[State],
-    progress: Callable[[float], None] | None = None,
-    *,
-    scene: Scene | None = None,
-) -> Diagnosis:
+    chain: Chain, loaded: tuple[str, FileEngine, tuple[str, ...]], states: Sequence[State],
+    progress: Callable[[float], None] | None = None, *, scene: Scene | None = None,
+) -> Diagnosis:  # fmt: skip
     """Diagnose an engine that has loaded a foreign file: compare its quantities and what it has read.
 
     The actuators of the file are compared with the drive of the `scene`, if there is one.
-
-    Raises
-    ------
-    ArgumentError
-        The chain has springs of rotation vectors, which no file format supports.
     """
     if chain.has_rotation_springs:
         raise ArgumentError(
@@ -194,12 +170,8 @@ def _with_step(chain: Chain, read: ReadBack) -> ReadBack:
 
 def _missing(ours: ReadBack, read: ReadBack, match: Match) -> dict[str, Array]:
     """Our values of fields that the file does not specify, in the engine's order."""
-    fields = {
-        field: getattr(ours, field)
-        for field in table().fields
-        if field in read.unspecified and field not in ACTUATOR_FIELDS
-    }
-    inverse = np.argsort(match.order)
+    missing = read.unspecified.intersection(table().fields) - {*ACTUATOR_FIELDS}
+    fields, inverse = {field: getattr(ours, field) for field in missing}, np.argsort(match.order)
     return {f: values if f == "gravity" else values[np.ix_(*[inverse] * values.ndim)] for f, values in fields.items()}
 
 
@@ -216,13 +188,9 @@ def _notes(ours: ReadBack, match: Match, read: ReadBack) -> list[Diagnostic]:
 
 
 def _explain(
-    chain: Chain,
-    engine: Engine,
-    rows: Sequence[Difference],
-    findings: Sequence[Finding],
-    match: Match | None,
+    chain: Chain, engine: Engine, rows: Sequence[Difference], findings: Sequence[Finding], match: Match | None,
     states: Sequence[State],
-) -> Diagnosis:
+) -> Diagnosis:  # fmt: skip
     """Diagnosis with the quantities that each finding affects, and whether the findings explain all differences."""
     names, some = [row.quantity for row in rows] or WITHOUT_WRENCH, states[:20]
     tolerance = 10.0  # rounding bounds; more than one, because a record is rotated into frame 0 and back

@@ -14,11 +14,10 @@ from flexlink.common.errors import Diagnostic
 from flexlink.common.types import Array, Indices
 from flexlink.diagnosis.joint_axes import Displacement, deviations, displaced_joints, reach, turning, undo_displacements
 from flexlink.diagnosis.matching import Match, match_joints
-from flexlink.diagnosis.mistakes import Field, Mistake, _names, _short, _where, table
+from flexlink.diagnosis.mistakes import Field, _names, _short, _where, table
 from flexlink.diagnosis.shapes import Discrepancy, any_difference, fewer_digits
 from flexlink.engines.actuators import limits
-from flexlink.engines.couplings import COUPLED_FIELDS
-from flexlink.engines.read_back import ACTUATOR_FIELDS, AXIS_FIELDS, BODY_FIELDS, JOINT_FIELDS, ReadBack
+from flexlink.engines.read_back import ACTUATOR_FIELDS, AXIS_FIELDS, BODY_FIELDS, COUPLED_FIELDS, JOINT_FIELDS, ReadBack
 
 EXACT = 1e-12
 """Relative tolerance for copied numbers."""
@@ -30,31 +29,17 @@ PLACED = 1e-11
 class Finding:
     """A difference in what an engine has read, with the mistake that explains it.
 
-    Attributes
-    ----------
-    what
-        The field, the joints, the number in the file and the expected number; for a setting, its value.
-    likely, remedy
-        The likely mistake, and its remedy.
-    id
-        Stable id of the kind of difference, for example "mass-differs".
-    faulty
-        flexlink's record with this mistake; None if records do not contain what differs.
-    counts
-        Whether the difference changes simulations; otherwise it is only a note.
-    affects
-        Quantities of the equation of motion that change if only this mistake is made.
-    effect
-        Largest error of q̈ by this mistake alone, relative to the rounding bound; infinite if no joint is comparable.
+    `faulty` is flexlink's record with this mistake; None if records do not contain what differs. `effect` is the
+    largest error of q̈ by this mistake alone, relative to the rounding bound; infinite if no joint is comparable.
     """
 
-    what: str
-    likely: str
+    what: str  # the field, the joints, the number in the file and the expected number; for a setting, its value
+    likely: str  # mistake
     remedy: str
-    id: str
+    id: str  # of the kind of difference, for example "mass-differs"
     faulty: ReadBack | None = dataclasses.field(default=None, repr=False, compare=False)
-    counts: bool = True
-    affects: tuple[str, ...] = ()
+    counts: bool = True  # whether the difference changes simulations; otherwise it is only a note
+    affects: tuple[str, ...] = ()  # quantities of the equation of motion that change if only this mistake is made
     effect: float = dataclasses.field(default=0.0, repr=False, compare=False)
 
     @property
@@ -71,14 +56,7 @@ class Finding:
 def differences(ours: ReadBack, theirs: ReadBack, format: str) -> tuple[Match | None, list[Finding]]:
     """Match the joints (None if impossible) and list the differences, numbers before settings.
 
-    Parameters
-    ----------
-    ours
-        Expected record, joints from base to tip.
-    theirs
-        Record of what an engine has read.
-    format
-        Format of the file, a name in `flexlink.formats.FORMATS`; it determines the names of fields in texts.
+    `format`, a name in `flexlink.formats.FORMATS`, determines the names of fields in texts.
     """
     match = match_joints(ours, theirs)
     if not isinstance(match, Match):
@@ -90,22 +68,18 @@ def differences(ours: ReadBack, theirs: ReadBack, format: str) -> tuple[Match | 
         findings = [Finding(what, likely, remedy, "parents-differ", effect=np.inf)]
     else:
         numbers = _numbers_of_tendons(ours, match.record) if format == "mjcf" else _numbers(ours, match.record, format)
-        findings = [*_order(match), *numbers]
+        findings = list(numbers)
+        if match.reordered:
+            what = f"{_names(match.reordered)} in another order along the chain"
+            likely = "rotations about one point do not commute"
+            remedy = "correct the order of joints in a body, or of links"
+            findings.insert(0, Finding(what, likely, remedy, "joint-order-differs", effect=np.inf))
     settings = [
         Finding(what.format(value=theirs.settings[name]), "", remedy, id, counts=counts)
         for name, (id, what, remedy, counts) in table().settings.items()
         if name in theirs.settings and name not in theirs.unspecified
     ]
     return match, [*findings, *settings]
-
-
-def _order(match: Match) -> Iterator[Finding]:
-    if match.reordered:
-        order = f"{_names(match.reordered)} in another order along the chain"
-        likely = "rotations about one point do not commute"
-        yield Finding(
-            order, likely, "correct the order of joints in a body, or of links", "joint-order-differs", effect=np.inf
-        )
 
 
 def _numbers_of_tendons(ours: ReadBack, theirs: ReadBack) -> list[Finding]:
@@ -236,7 +210,8 @@ def _differing(ours: ReadBack, theirs: ReadBack) -> dict[str, Discrepancy]:
         "inertias": ~other_mass & (apart["inertias"] > PLACED * _norm(ours.inertias) + EXACT * m * lever**2),
     }
     bad["inertias"] &= turning(ours)
-    one, other = (_within_limits(ours, read.effort) for read in (ours, theirs))
+    drive_range = np.zeros((ours.n, 2)) if ours.drive_range is None else ours.drive_range
+    one, other = (np.clip(drive_range, read.effort[:, :1], read.effort[:, 1:]) for read in (ours, theirs))
     bad["effort"] = np.any(~np.isclose(one, other, rtol=EXACT, atol=0), axis=1)
     if theirs.gear[ours.gear != 0].all():
         bad["gear"] &= ours.gear != 0  # an additional motor does nothing without a command
@@ -254,12 +229,6 @@ def _between(ours: ReadBack, theirs: ReadBack) -> dict[str, Indices]:
     """Joints i < j, shape (m, 2), with a spring or damper between them in one of the records, by field."""
     found = {f: np.argwhere(np.triu((getattr(ours, f) != 0) | (getattr(theirs, f) != 0), 1)) for f in COUPLED_FIELDS}
     return {field: rows for field, rows in found.items() if len(rows)}
-
-
-def _within_limits(ours: ReadBack, effort: Array) -> Array:
-    """Smallest and largest torque of the scene's drive within the limits."""
-    drive_range = np.zeros((ours.n, 2)) if ours.drive_range is None else ours.drive_range
-    return np.clip(drive_range, effort[:, :1], effort[:, 1:])
 
 
 def _values(read: ReadBack, field: str, ours: ReadBack) -> Array:
@@ -281,15 +250,10 @@ def _norm(rows: Array) -> Array:
     return np.asarray(np.sqrt((rows.reshape(len(rows), -1) ** 2).sum(axis=1)))
 
 
-def _mistake(field: str, diff: Discrepancy, theirs: ReadBack) -> Mistake:
-    """First row in the table of mistakes that matches a difference."""
-    settings = {"", *theirs.settings}
-    return next(row for row in table().mistakes if row.field == field and row.setting in settings and row.shape(diff))
-
-
 def _explained(field: str, diff: Discrepancy, format: str) -> Finding:
     ours, theirs = diff.our_record, diff.their_record
-    mistake = _mistake(field, diff, theirs)
+    possible = (row for row in table().mistakes if row.field == field and row.setting in {"", *theirs.settings})
+    mistake = next(row for row in possible if row.shape(diff))
     if mistake.shape is any_difference and field != "effort":  # without a pattern, the largest error is shown
         diff = diff.only(np.argsort(-diff.errors.astype(np.float32), kind="stable"))
     global_field = field in {"gravity", "tip"}
@@ -384,8 +348,5 @@ def _shortened(field: str, diff: Discrepancy) -> NDArray[np.bool_]:
         return ~np.isin(diff.rows, displaced_joints(diff.our_record, diff.their_record, LOST))
     size = np.abs(diff.ours).reshape(len(diff.rows), -1).max(axis=1)
     near = np.asarray(diff.errors <= LOST * (reach(diff.our_record) if field == "centers" else size))
-    return near if diff.ours.ndim > 1 else near & [_is_short(diff.only([k])) for k in range(len(near))]
-
-
-def _is_short(diff: Discrepancy) -> bool:
-    return fewer_digits(diff) or fewer_digits(diff._replace(ours=diff.theirs, theirs=diff.ours))
+    pairs = [(one := diff.only([k]), one._replace(ours=one.theirs, theirs=one.ours)) for k in range(len(near))]
+    return near if diff.ours.ndim > 1 else near & [any(map(fewer_digits, pair)) for pair in pairs]

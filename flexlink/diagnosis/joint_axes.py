@@ -66,7 +66,8 @@ def _undo_one(
         R = theirs.frames[k]
         axes = theirs.axes[k] @ R, ours.axes[k] @ R
         axis = Displacement(k, angle, off, axes=axes)
-        return axis, _with_axis_of(theirs, ours, k), _with_axis_of(ours_displaced, theirs, k)
+        line = ("axes", "points")
+        return axis, _with_rows_of(theirs, ours, k, line), _with_rows_of(ours_displaced, theirs, k, line)
     unit = _unit(ours, theirs, k, units)
     if motion is None and unit is not None:
         motion = np.eye(3), unit[1], theirs.points[k]
@@ -114,11 +115,12 @@ def _moved_bodies(ours: ReadBack, theirs: ReadBack, tolerance: float) -> NDArray
     return np.asarray((away > tolerance * reach(ours)) | (rotated > tolerance * square))
 
 
-def _with_axis_of(read: ReadBack, other: ReadBack, k: int) -> ReadBack:
-    """The record, with the axis of joint k taken from the other record."""
-    axes, points = read.axes.copy(), read.points.copy()
-    axes[k], points[k] = other.axes[k], other.points[k]
-    return dataclasses.replace(read, axes=axes, points=points)
+def _with_rows_of(read: ReadBack, other: ReadBack, rows: int | slice, fields: Sequence[str], **more: Any) -> ReadBack:
+    """The record, with rows of fields taken from the other record."""
+    for field in fields:
+        more[field] = getattr(read, field).copy()
+        more[field][rows] = getattr(other, field)[rows]
+    return dataclasses.replace(read, **more)
 
 
 def _offset(read: ReadBack, k: int) -> Array:
@@ -241,25 +243,22 @@ def _next_massive(read: ReadBack, k: int) -> int:
 
 def _moved_rigidly(read: ReadBack, k: int, R: Array, point: Array, image: Array) -> ReadBack:
     """The record with the subtree of joint k rotated by R and moved so the point coincides with its image."""
-    fields = (read.axes, read.frames, read.points, read.centers, read.inertias)
-    axes, frames, points, centers, inertias = (x.copy() for x in fields)
-    moved_ones = behind(read, k)
-    axes[moved_ones], frames[moved_ones] = axes[moved_ones] @ R.T, R @ frames[moved_ones]
-    for x in (points, centers):
-        x[moved_ones] = image + (x[moved_ones] - point) @ R.T
-    inertias[moved_ones] = R @ inertias[moved_ones] @ R.T
-    tip, on = read.tip, read.n - 1 if read.tip_on is None else read.tip_on
-    if tip is not None and on in moved_ones:
-        tip = image + R @ (tip - point)
-    moved: dict[str, Any] = {"axes": axes, "frames": frames, "points": points, "centers": centers, "inertias": inertias}
-    return dataclasses.replace(read, **moved, tip=tip)
+    fields = ("axes", "frames", "points", "centers", "inertias")
+    moved: dict[str, Any] = {field: getattr(read, field).copy() for field in fields}
+    at = behind(read, k)
+    moved["axes"][at], moved["frames"][at] = read.axes[at] @ R.T, R @ read.frames[at]
+    for field in ("points", "centers"):
+        moved[field][at] = image + (moved[field][at] - point) @ R.T
+    moved["inertias"][at] = R @ read.inertias[at] @ R.T
+    on = read.n - 1 if read.tip_on is None else read.tip_on
+    if read.tip is not None and on in at:
+        moved["tip"] = image + R @ (read.tip - point)
+    return dataclasses.replace(read, **moved)
 
 
 def _with_tail_of(read: ReadBack, other: ReadBack, k: int) -> ReadBack:
     """The record, with positions and orientations in the subtree of joint k taken from the other record."""
-    fields = ("axes", "points", "centers", "inertias")
-    behind: dict[str, Any] = {f: np.concatenate([getattr(read, f)[:k], getattr(other, f)[k:]]) for f in fields}
-    return dataclasses.replace(read, **behind, tip=other.tip)
+    return _with_rows_of(read, other, slice(k, None), ("axes", "points", "centers", "inertias"), tip=other.tip)
 
 
 def _angle(R: Array) -> float:

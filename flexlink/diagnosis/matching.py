@@ -1,46 +1,31 @@
-"""Match the joints of two records by name, else by the bodies they move, else, without branches, by their order."""
+"""Match the joints of two records by name, else by the bodies they move, else, in a serial chain, by their order."""
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 from collections import Counter
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from flexlink.common.types import Array, Indices
 from flexlink.diagnosis.mistakes import _names
 from flexlink.engines.coordinates import BASE_JOINTS
-from flexlink.engines.couplings import COUPLED_FIELDS
-from flexlink.engines.read_back import ACTUATOR_FIELDS, AXIS_FIELDS, BODY_FIELDS, JOINT_FIELDS, ReadBack
-
-IN_ORDER = (*AXIS_FIELDS, "slides", *JOINT_FIELDS)
+from flexlink.engines.read_back import ReadBack
 
 
 class Match(NamedTuple):
     """The joints of another record (`theirs`), matched to our joints.
 
-    Attributes
-    ----------
-    order
-        For each of our joints, its index in the other record, shape (n,).
-    positions
-        Position of each of our joints along the other chain, from 0, shape (n,); None if joints have different parents.
-    record
-        The other record with our names and order, and with our values of unspecified fields. Body k is the k-th body
-        along the other chain, so the order of joints at the same point does not matter.
-    by
-        What is equal: "names" of the joints, "bodies" (names of the joints or of the bodies they move), or "order".
-    reordered
-        Names of joints that have another position, or another parent, in the other record.
+    `record` is the other record with our names and order, and with our values of unspecified fields. Its body k is the
+    k-th body along the other chain, so the order of joints at the same point does not matter.
     """
 
-    order: Indices
-    positions: Indices | None
+    order: Indices  # for each of our joints, its index in the other record
+    positions: Indices | None  # of our joints along the other chain, from 0; None if joints have different parents
     record: ReadBack
-    by: str
-    reordered: list[str]
+    by: str  # what is equal: "names" of the joints, "bodies" (names of joints or of the bodies they move), or "order"
+    reordered: list[str]  # names of joints that have another position, or another parent, in the other record
 
     @property
     def whole(self) -> tuple[ReadBack, Indices] | None:
@@ -48,15 +33,15 @@ class Match(NamedTuple):
         if self.positions is None:
             return None
         joints = np.argsort(self.positions)
-        fields: dict[str, Any] = {field: getattr(self.record, field)[joints] for field in IN_ORDER}
-        fields |= {field: getattr(self.record, field)[np.ix_(joints, joints)] for field in COUPLED_FIELDS}
-        return dataclasses.replace(self.record, names=tuple(self.record.names[k] for k in joints), **fields), joints
+        return self.record.in_order(joints, np.arange(len(joints)), parents=self.record.parents), joints
 
 
 def match_joints(ours: ReadBack, theirs: ReadBack) -> Match | tuple[str, str]:
     """Return the match, or the reason for its failure and the remedy."""
-    branches, by = _branches(ours), "names" if sorted(ours.names) == sorted(theirs.names) else "bodies"
-    sequence, paired = None if branches else _from_base_to_tip(theirs), _paired(ours, theirs)
+    is_tree, by = len({*ours.parents.tolist()}) < ours.n, "bodies"
+    if sorted(ours.names) == sorted(theirs.names):
+        by = "names"
+    sequence, paired = None if is_tree else _from_base_to_tip(theirs), _paired(ours, theirs)
     floats = [{*BASE_JOINTS} <= {*read.names} for read in (ours, theirs)]
     if floats[0] != floats[1]:
         what = f"the base {'floats' if floats[1] else 'is fixed'} in the file, but not in the scene"
@@ -72,15 +57,11 @@ def match_joints(ours: ReadBack, theirs: ReadBack) -> Match | tuple[str, str]:
     else:
         order, by = sequence[_regrouped(ours, theirs.axes[sequence])], "order"
     bodies = order if sequence is None else sequence
-    of_joints = (*IN_ORDER, "frames", *ACTUATOR_FIELDS)
-    fields: dict[str, Any] = {field: getattr(theirs, field)[order] for field in of_joints}
-    fields |= {field: getattr(theirs, field)[np.ix_(order, order)] for field in COUPLED_FIELDS}
-    fields |= {field: getattr(theirs, field)[bodies] for field in BODY_FIELDS}
-    fields["parts"] = theirs.parts._replace(owner=np.argsort(bodies)[theirs.parts.owner])
-    fields |= {field: getattr(ours, field) for field in theirs.unspecified | ours.unspecified if hasattr(ours, field)}
-    record = dataclasses.replace(theirs, names=ours.names, parents=ours.parents, tip_on=ours.tip_on, **fields)
+    fields = {"names", "parents", "tip_on", *theirs.unspecified, *ours.unspecified}
+    own = {field: getattr(ours, field) for field in fields if hasattr(ours, field)}
+    record = theirs.in_order(order, bodies, **own)
     positions = None if sequence is None else np.argsort(sequence)[order]
-    if branches:
+    if is_tree:
         parents = np.append(np.argsort(order), -1)[theirs.parents[order]]
         elsewhere = parents != ours.parents
         positions = None if elsewhere.any() else np.arange(ours.n)
@@ -96,11 +77,6 @@ def _paired(ours: ReadBack, theirs: ReadBack) -> list[int]:
     count = Counter(theirs.bodies[k] for k in left)
     moves = {theirs.bodies[k]: k for k in left if count[theirs.bodies[k]] == 1}
     return [named.get(name, moves.get(body, -1)) for name, body in zip(ours.names, ours.bodies, strict=True)]
-
-
-def _branches(read: ReadBack) -> bool:
-    """Whether a joint has several children, in any order of the joints."""
-    return len(set(read.parents.tolist())) < read.n
 
 
 def _other_joints(ours: ReadBack, theirs: ReadBack) -> str:
@@ -129,11 +105,7 @@ def _regrouped(ours: ReadBack, axes: Array) -> Indices:
     for first, stop in itertools.pairwise([*starts, ours.n]):
         group = positions[first:stop]
         for permuted in itertools.permutations(group) if len(group) <= 3 else ():
-            if _parallel(axes[list(permuted)], ours.axes[group]):
+            if np.abs(np.cross(axes[list(permuted)], ours.axes[group])).max() <= 1e-6:
                 positions[group] = permuted
                 break
     return positions
-
-
-def _parallel(one: Array, other: Array) -> bool:
-    return bool(np.abs(np.cross(one, other)).max() <= 1e-6)

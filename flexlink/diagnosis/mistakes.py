@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -53,28 +53,15 @@ def table() -> Table:
     raw = read_toml(Path(__file__).parent / "data" / "mistakes.toml")
     fields = {name: Field(**words) for name, words in raw["fields"].items()}
     every = fields | {name: Field(**words) for name, words in raw["misplaced_fields"].items()}
-    return Table(
-        fields,
-        raw["sliding_units"],
-        {factor: unit for unit, factor in raw["length_units"].items()},
-        {name: tuple(row.values()) for name, row in raw["settings"].items()},
-        {
-            kind: (row["id"], every[row["field"]], row["likely"], row["remedy"])
-            for kind, row in raw["misplaced"].items()
-        },
-        [
-            Mistake(field, _shape(row), row["likely"], row["remedy"], row.get("setting", ""))
-            for row in raw["mistake"]
-            for field in row["fields"]
-        ],
-    )
-
-
-def _shape(row: dict[str, Any]) -> Shape:
-    """Shape of a row: a function in `shapes`, or the result of calling such a function with the row's factors."""
-    shape = getattr(shapes, row["shape"])
-    found: Shape = shape(*row["factors"]) if "factors" in row else shape
-    return found
+    mistakes = list[Mistake]()
+    for row in raw["mistake"]:
+        shape = getattr(shapes, row["shape"])  # or a function that returns one for the row's factors
+        shape = shape(*row["factors"]) if "factors" in row else shape
+        mistakes += [Mistake(f, shape, row["likely"], row["remedy"], row.get("setting", "")) for f in row["fields"]]
+    placed = {k: (row["id"], every[row["field"]], row["likely"], row["remedy"]) for k, row in raw["misplaced"].items()}
+    settings = {name: tuple(row.values()) for name, row in raw["settings"].items()}
+    units = {factor: unit for unit, factor in raw["length_units"].items()}
+    return Table(fields, raw["sliding_units"], units, settings, placed, mistakes)
 
 
 def _where(names: Sequence[str], rows: Indices) -> str:

@@ -51,13 +51,7 @@ class State(NamedTuple):
 
 
 def random_states(chain: Chain, samples: int, *, seed: int = 0) -> list[State]:
-    """Return independent uniform states: angles in (−π, π); rates, drive torques and tip wrench up to `RANGE`.
-
-    Raises
-    ------
-    SingularMassError
-        M is not positive definite at any of the configurations tried.
-    """
+    """Return independent uniform states: angles in (−π, π); rates, drive torques and tip wrench up to `RANGE`."""
     random = np.random.default_rng(seed)
     return [_random(chain, random) for _ in range(samples)]
 
@@ -68,11 +62,6 @@ def mixed_states(chain: Chain, samples: int, *, seed: int = 0) -> list[State]:
     In balanced states the arm is at rest, T_EX = T_G + T_FL within `IMBALANCE`, and all spring torques are similar;
     accelerations are so small that an error of 1e-9 in one spring is visible. In stretched states, springs are relaxed,
     active joints are at multiples of 90°, and there are no loads; the arm hangs, is upright, folded or horizontal.
-
-    Raises
-    ------
-    SingularMassError
-        M is not positive definite at any of the configurations tried.
     """
     random = np.random.default_rng(seed)
     kinds = (_random, _balanced, _random, _stretched, _random, _balanced, _random, _moving)
@@ -139,31 +128,20 @@ class Term(NamedTuple):
     error: Callable[[Chain, State, Array, Array], Array]
 
 
+def _bounded(evaluate: Callable[[Engine, State], Array], bound: Callable[[Chain, State], Array | float]) -> Term:
+    return Term(evaluate, lambda c, s, one, other: in_units(one - other, bound(c, s)))
+
+
 QUANTITIES: dict[str, Term] = {
-    "M": Term(
-        lambda e, s: e.mass_matrix(s.q),
-        lambda c, s, one, other: in_units(one - other, rounding.of_mass_matrix(c, s.q)),
-    ),
-    "T_G": Term(
-        lambda e, s: e.gravity_torque(s.q),
-        lambda c, s, one, other: in_units(one - other, rounding.of_bias_torque(c, s.q, np.zeros(c.n))),
-    ),
-    "T_GC": Term(
-        lambda e, s: e.bias_torque(s.q, s.qd),
-        lambda c, s, one, other: in_units(one - other, rounding.of_bias_torque(c, s.q, s.qd)),
-    ),
-    "T_GC with tip wrench": Term(
+    "M": _bounded(lambda e, s: e.mass_matrix(s.q), lambda c, s: rounding.of_mass_matrix(c, s.q)),
+    "T_G": _bounded(lambda e, s: e.gravity_torque(s.q), lambda c, s: rounding.of_bias_torque(c, s.q, np.zeros(c.n))),
+    "T_GC": _bounded(lambda e, s: e.bias_torque(s.q, s.qd), lambda c, s: rounding.of_bias_torque(c, s.q, s.qd)),
+    "T_GC with tip wrench": _bounded(
         lambda e, s: e.bias_torque(s.q, s.qd, tip_wrench=s.wrench),
-        lambda c, s, one, other: in_units(one - other, rounding.of_bias_torque(c, s.q, s.qd, tip_wrench=s.wrench)),
+        lambda c, s: rounding.of_bias_torque(c, s.q, s.qd, tip_wrench=s.wrench),
     ),
-    "T_FL": Term(
-        lambda e, s: e.elastic_torque(s.q),
-        lambda c, s, one, other: in_units(one - other, rounding.of_elastic_torque(c, s.q)),
-    ),
-    "T_FR": Term(
-        lambda e, s: e.friction_torque(s.qd),
-        lambda c, s, one, other: in_units(one - other, rounding.of_friction_torque(c, s.qd)),
-    ),
+    "T_FL": _bounded(lambda e, s: e.elastic_torque(s.q), lambda c, s: rounding.of_elastic_torque(c, s.q)),
+    "T_FR": _bounded(lambda e, s: e.friction_torque(s.qd), lambda c, s: rounding.of_friction_torque(c, s.qd)),
     "q̈": Term(
         lambda e, s: e.forward_dynamics(s.q, s.qd, s.tau, tip_wrench=s.wrench),
         lambda c, s, one, other: rounding.acceleration_error(
@@ -175,24 +153,12 @@ QUANTITIES: dict[str, Term] = {
 
 @dataclasses.dataclass(frozen=True)
 class Difference:
-    """Largest difference of a quantity between an engine and the native dynamics.
-
-    Attributes
-    ----------
-    engine, quantity
-        Names of the engine and the quantity.
-    error
-        Largest error over states and joints, relative to the rounding bound.
-    joint
-        Name of the joint (for M: of the row) with the largest error.
-    worst
-        State with the largest error.
-    """
+    """Largest difference of a quantity between an engine and the native dynamics."""
 
     engine: str
     quantity: str
-    error: float
-    joint: str
+    error: float  # largest over states and joints, relative to the rounding bound
+    joint: str  # name of the joint (for M: of the row) with the largest error
     worst: State = dataclasses.field(repr=False, compare=False)
 
     @property
@@ -200,16 +166,16 @@ class Difference:
         """Whether the error is within the rounding bound; False for nan."""
         return self.error <= 1
 
+    @property
+    def rank(self) -> float:
+        """The error, infinite if it is nan."""
+        return math.inf if math.isnan(self.error) else self.error
+
 
 def compare_engines(
-    chain: Chain,
-    native: Engine,
-    engines: Sequence[Engine],
-    states: Sequence[State],
-    *,
-    quantities: Iterable[str] = tuple(QUANTITIES),
-    progress: Callable[[float], None] | None = None,
-) -> tuple[Difference, ...]:
+    chain: Chain, native: Engine, engines: Sequence[Engine], states: Sequence[State], *,
+    quantities: Iterable[str] = tuple(QUANTITIES), progress: Callable[[float], None] | None = None,
+) -> tuple[Difference, ...]:  # fmt: skip
     """Compare the quantities of every engine with the quantities of `native` at the given states."""
     names, reports = list(quantities), 200  # approximate number of calls of `progress`
     worst: dict[tuple[int, str], Difference] = {}
@@ -221,12 +187,7 @@ def compare_engines(
                 errors = quantity.error(chain, state, quantity.evaluate(engine, state), expected).reshape(chain.n, -1)
                 k = int(np.argmax(np.where(np.isnan(errors), np.inf, errors).max(axis=1)))
                 new = Difference(engine.name, name, float(errors[k].max()), chain.joint_name(k), state)
-                worst[each, name] = max(worst.get((each, name), new), new, key=_rank)
+                worst[each, name] = max(worst.get((each, name), new), new, key=lambda one: one.rank)
         if progress is not None and (number + 1) % max(1, len(states) // reports) == 0:
             progress((number + 1) / len(states))
     return tuple(worst[each, name] for each in range(len(engines)) for name in names)
-
-
-def _rank(difference: Difference) -> float:
-    """The error of a difference, as a key for sorting in which nan ranks highest."""
-    return math.inf if math.isnan(difference.error) else difference.error

@@ -83,9 +83,9 @@ class TrajectoryComparison:
     def __str__(self) -> str:
         lines = [f"{self.scene}: {self.steps}; largest differences from flexlink"]
         titles = ("|Δq| [rad]", "|Δq̇| [rad/s]", "|Δtip| [m]", "|Δq| allowed")
-        lines.append(
-            f"{'engine':<12}" + "".join(f"{title:<{_width(title)}}" for title in titles) + f"{'':<8}worst joint"
-        )
+        widths = [16 + title.count("\u0307") for title in titles]  # combining dots have no width
+        heads = "".join(f"{title:<{width}}" for title, width in zip(titles, widths, strict=True))
+        lines.append(f"{'engine':<12}{heads}{'':<8}worst joint")
         for row in self.rows:
             numbers = "".join(f"{number:<16.2g}" for number in (row.q, row.qd, row.tip, row.explained))
             verdict = "ok" if row.passed else "FAILED"
@@ -96,10 +96,6 @@ class TrajectoryComparison:
                 "warning: this motion amplifies rounding so much that agreement means little; compare a shorter run"
             )
         return "\n".join([*lines, *(f"not compared: {reason}" for reason in self.refused)])
-
-
-def _width(title: str) -> int:
-    return 16 + title.count("\u0307")  # combining dots have no width
 
 
 def compare_trajectories(
@@ -155,21 +151,18 @@ def compare_trajectories(
     scene, steps = in_fixed_steps(scene, chain)
     names = [name for name in ENGINES if name != "native"] if named is None else named
     ours = simulate(scene)
-    rows: list[RunDifference] = []
-    refused: list[str] = []
-    missing: MissingDependencyError | None = None
+    rows, refused, missing = list[RunDifference](), list[str](), None
     for k, name in enumerate(names):
         report(k / len(names))
         try:
             rows.append(_difference(ours, scene, name))
-        except MissingDependencyError as error:
-            missing = error
+        except (MissingDependencyError, ArgumentError) as error:
             if named is not None:
                 raise
-        except ArgumentError as error:
-            refused.append(f"{name}: {error}")
-            if named is not None:
-                raise
+            if isinstance(error, ArgumentError):
+                refused.append(f"{name}: {error}")
+            else:
+                missing = error
     report(1.0)
     if not rows and refused:
         raise ArgumentError(f"engines: no engine can run {scene.name!r}: {'; '.join(refused)}", id="no-engine")
@@ -194,10 +187,7 @@ def in_fixed_steps(scene: Scene, chain: Chain) -> tuple[Scene, str]:
     step = whole / max(1, math.ceil(whole / (0.5 * stable)))  # half, since the limit changes less in the motion
     fixed = scene.varied({"run.method": "RK4", "run.step": step, "run.sample": run.spacing})
     given = f"a tolerance, {run.method}" if run.controlled else f"{run.method} steps of {run.fixed_step:g} s"
-    return (
-        fixed,
-        f"{over} RK4 steps of {step:g} s, {step / stable:.2g} of the stability limit (the scene has {given})",
-    )
+    return fixed, f"{over} RK4 steps of {step:g} s, {step / stable:.2g} of the stability limit (the scene has {given})"
 
 
 def _cross_check(scene: Scene, ours: Trajectory) -> float:

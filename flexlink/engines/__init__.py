@@ -10,7 +10,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.forces import refuse_states
 from flexlink.chain.shapes import refuse_shapes
 from flexlink.common.errors import MissingDependencyError, how_to_install
-from flexlink.engines.base import Engine, ForeignFile
+from flexlink.engines.base import Engine, ForeignFile, refuse_held_joints
 from flexlink.engines.child_process import IsolatedEngine
 
 
@@ -18,6 +18,7 @@ class Adapter(NamedTuple):
     """Module and class of an engine, the extra that installs it, and whether it runs in a child process.
 
     `between_joints`: whether the engine has springs and dampers between two joints; if not, flexlink computes them.
+    `holds`: whether joints may have a given motion.
     """
 
     module: str
@@ -25,11 +26,12 @@ class Adapter(NamedTuple):
     extra: str = ""
     isolated: bool = False
     between_joints: bool = True
+    holds: bool = False
 
 
 ENGINES = {
-    "native": Adapter("flexlink.diagnosis.native", "NativeEngine"),
-    "pinocchio": Adapter("flexlink.engines.pinocchio", "PinocchioEngine", "engines", between_joints=False),
+    "native": Adapter("flexlink.diagnosis.native", "NativeEngine", holds=True),
+    "pinocchio": Adapter("flexlink.engines.pinocchio", "PinocchioEngine", "engines", between_joints=False, holds=True),
     "mujoco": Adapter("flexlink.engines.mujoco", "MujocoEngine", "engines"),
     "exudyn": Adapter("flexlink.engines.exudyn", "ExudynEngine", "witness"),
     "drake": Adapter("flexlink.engines.drake", "DrakeEngine", "witness", isolated=True, between_joints=False),
@@ -79,5 +81,7 @@ def load_here(name: str, source: Chain | ForeignFile) -> Engine:
         ) from error
     cls = getattr(module, adapter.class_name)
     foreign = isinstance(source, ForeignFile)
+    if not foreign and not adapter.holds:
+        refuse_held_joints(cls.title, require_type("chain", source, Chain))
     engine: Engine = cls.from_file(source) if foreign else cls(require_type("chain", source, Chain))
     return engine

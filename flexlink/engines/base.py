@@ -94,13 +94,7 @@ class ForeignFile(NamedTuple):
 
 
 class DriveTorque:
-    """The scene's drive as a function T_EX(t, q, q̇) that returns an array of shape (n,).
-
-    Attributes
-    ----------
-    middle
-        Midpoint of the current step [s], at which a zero-order hold is evaluated; None: evaluate at t.
-    """
+    """The scene's drive as a function T_EX(t, q, q̇) of shape (n,); a zero-order hold is evaluated at mid-step."""
 
     def __init__(self, drive: Drive, n: int) -> None:
         self.middle: float | None = None
@@ -130,23 +124,13 @@ def drag_function(problem: InitialValueProblem) -> Callable[[Array, Array], Arra
 
 
 class TipWrench:
-    """The scene's tip wrench as a function of time: force and moment (6,) in axes of frame 0 or of the tip.
-
-    Attributes
-    ----------
-    follows
-        Whether the wrench is given in axes of the tip frame; the engine rotates it with its own kinematics.
-    constant
-        Whether the wrench is constant in time.
-    middle
-        Midpoint of the current step [s], as in `DriveTorque`.
-    """
+    """The scene's tip wrench as a function of time: force and moment (6,) in axes of frame 0 or of the tip."""
 
     def __init__(self, problem: InitialValueProblem) -> None:
-        self.middle: float | None = None
+        self.middle: float | None = None  # of the current step [s], as in `DriveTorque`
         self._loads = problem.inputs.changing
         self._now, frame = wrench_at(problem.inputs, problem.start)
-        self.follows = frame == "tip"
+        self.follows = frame == "tip"  # the engine rotates the wrench with its own kinematics
         self.constant = problem.scene.wrench.times is None
 
     def begin(self, number: int, h: float, q: Array, qd: Array) -> None:
@@ -171,13 +155,7 @@ def wrench_function(problem: InitialValueProblem) -> TipWrench | None:
 
 
 def refuse_sampled_inputs(engine: str, scene: Scene) -> None:
-    """Refuse inputs that engines with their own time stepping do not support; their runs always start at t = 0.
-
-    Raises
-    ------
-    ArgumentError
-        An input uses a zero-order hold, the reference has jumps, or the run does not start at t = 0.
-    """
+    """Refuse inputs that engines with their own time stepping do not support; their runs always start at t = 0."""
     unsupported = [f"{name}.hold = True" for name in ("drive", "wrench") if getattr(scene, name).hold]
     unsupported += [] if scene.drive.rate is None else [f"drive.rate = {scene.drive.rate!r}"]
     if (course := scene.course) is not None and (scene.drive.kind != "pd" or course.jumps.size):
@@ -191,13 +169,7 @@ def refuse_sampled_inputs(engine: str, scene: Scene) -> None:
 
 
 def refuse_method(engine: str, method: str, known: Collection[str]) -> None:
-    """Refuse an integration method that the engine does not have.
-
-    Raises
-    ------
-    ArgumentError
-        The method is not one of `known`.
-    """
+    """Refuse an integration method that the engine does not have."""
     if method not in known:
         raise ArgumentError(
             f"method = {method!r}: {engine} supports only {' and '.join(map(repr, known))}; set run.method",
@@ -205,33 +177,19 @@ def refuse_method(engine: str, method: str, known: Collection[str]) -> None:
         )
 
 
-def refuse_prescribed_motion(engine: str, chain: Chain) -> None:
-    """Refuse a chain with prescribed motions for an engine that does not support them.
-
-    Raises
-    ------
-    ArgumentError
-        A joint has a prescribed motion.
-    """
-    prescribed = np.flatnonzero(chain.held)
-    if len(prescribed):
+def refuse_held_joints(engine: str, chain: Chain) -> None:
+    """Refuse a chain with prescribed motions for an engine that does not support them."""
+    held = np.flatnonzero(chain.held)
+    if len(held):
         raise ArgumentError(
-            f"{chain.name}: the motion of joint {chain.joint_name(int(prescribed[0]))!r} is prescribed, which {engine} "
-            "does not support; use native or pinocchio, or remove the motion from the scene",
+            f"{chain.name}: the motion of joint {chain.joint_name(int(held[0]))!r} is prescribed, which "
+            f"{engine} does not support; use native or pinocchio, or remove the motion from the scene",
             id="engine-does-not-support",
         )
 
 
-def fixed_steps_problem(scene: Scene) -> InitialValueProblem:
-    """Return the problem of a scene that other engines can also integrate.
-
-    Raises
-    ------
-    ArgumentError
-        The run does not use fixed steps of an explicit method, or the chain has force elements other than drag.
-    UnstableStepError
-        The step exceeds the stability limit, and `run.unstable` does not allow it.
-    """
+def fixed_steps_problem(scene: Scene, engine: str = "") -> InitialValueProblem:
+    """Return the problem of a scene that other engines can also integrate; a named `engine` holds no joints."""
     problem = problem_of(scene)
     if unknown := problem.chain.forces.keys() - {"drag"}:
         raise ArgumentError(
@@ -244,6 +202,8 @@ def fixed_steps_problem(scene: Scene) -> InitialValueProblem:
             id="engine-method",
         )
     check_step(problem)
+    if engine:
+        refuse_held_joints(engine, problem.chain)
     return problem
 
 

@@ -37,13 +37,7 @@ HEAD = 8  # number of bytes that encode the length of a call
 
 
 class ChildProcess:
-    """A child process that runs one function after another.
-
-    Attributes
-    ----------
-    process
-        The child; use it for the process id and the exit code.
-    """
+    """A child process that runs one function after another; `process` has its process id and exit code."""
 
     def __init__(self) -> None:
         self._output = tempfile.TemporaryFile()  # noqa: SIM115  closed with the child
@@ -61,23 +55,9 @@ class ChildProcess:
         self._kill = weakref.finalize(self, _kill, self.process, self._output)
 
     def call(self, what: str, seconds: float, function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
-        """Run a function in the child.
+        """Run a function, which the child imports by name, with a time limit [s]; 0: none.
 
-        Parameters
-        ----------
-        what
-            Description of the call, for messages.
-        seconds
-            Time limit [s]; 0: none.
-        function, arguments, named
-            The function, which the child imports by name, and its arguments. Arguments and result are pickled.
-
-        Raises
-        ------
-        FlexlinkError
-            Any such error that the function raises.
-        EngineError
-            The function raises another error, the process crashes, or the call does not return in time.
+        `what` describes the call for messages. Arguments and result are pickled.
         """
         if self._calls.closed:
             raise self._failure(what, seconds)
@@ -189,15 +169,7 @@ def _in_child(method: Any) -> Any:
 
 
 class IsolatedEngine:
-    """Engine `name` with a chain or a file; implements `Engine` and runs every method in a child process.
-
-    Raises
-    ------
-    FlexlinkError
-        Any such error that the engine raises.
-    EngineError
-        The engine raises another error, its process crashes, or it does not answer in time.
-    """
+    """Engine `name` with a chain or a file; implements `Engine` and runs every method in a child process."""
 
     def __init__(self, name: str, source: Chain | ForeignFile) -> None:
         self.name, self._source = name, source.name if isinstance(source, Chain) else str(source.path)

@@ -35,12 +35,8 @@ class Floating(NamedTuple):
 class Coordinates:
     """The map between flexlink's coordinates and the coordinates of an engine with a loaded chain or file.
 
-    Attributes
-    ----------
-    order
-        Index of the engine's degree of freedom for each of flexlink's joints, shape (n,).
-    reference
-        Rotation of a floating base at zero angles; None: the base is fixed.
+    `order` is the engine's degree of freedom for each of flexlink's joints, `reference` the rotation of a floating base
+    at zero angles.
     """
 
     def __init__(self, order: Indices, reference: Array | None = None, floating: Floating | None = None) -> None:

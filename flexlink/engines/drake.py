@@ -11,7 +11,6 @@ a floating base runs in flexlink's coordinates: the scene's Runge-Kutta method i
 
 from __future__ import annotations
 
-import dataclasses
 import importlib.metadata
 import re
 from collections.abc import Mapping, Sequence
@@ -20,64 +19,36 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 from pydrake.common.value import Value
+from pydrake.multibody import tree
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce, MultibodyPlant
-from pydrake.multibody.tree import (
-    BodyIndex,
-    ForceElementIndex,
-    JacobianWrtVariable,
-    MultibodyForces,
-    PrismaticJoint,
-    PrismaticSpring,
-    QuaternionFloatingJoint,
-    RevoluteJoint,
-    RevoluteSpring,
-)
 from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem
 
 from flexlink.chain.arguments import vector
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array, Indices
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
-from flexlink.engines import base, couplings
+from flexlink.engines import base
+from flexlink.engines import read_back as records
 from flexlink.engines.coordinates import BASE_JOINTS, Coordinates, Floating
-from flexlink.engines.couplings import OwnElements, excess_of, refuse_in_files
-from flexlink.engines.read_back import ReadBack, merge_bodies, no_actuators, require_joints
-from flexlink.engines.steps import run_in_steps
+from flexlink.engines.other_program import OtherProgram, cannot_load, excess_of, refuse_in_files
+from flexlink.engines.read_back import COUPLED_FIELDS, ReadBack
 from flexlink.formats.document import loaded_tip, tips
 from flexlink.formats.sdf import read_sdf, sdf_names, to_sdf
 
 OWN = "{urn:flexlink}"
 
 
-class DrakeEngine(OwnElements):
-    """A chain in Drake.
+class DrakeEngine(OtherProgram):
+    """A chain in Drake: its `plant` and `context`, with the numbers of flexlink's custom elements as in `ReadBack`."""
 
-    Attributes
-    ----------
-    text
-        The exported file.
-    plant, context
-        Drake's plant and its context.
-    coordinates
-        Map between flexlink's and Drake's coordinates.
-    rest, coulomb, coulomb_width
-        Rest angles, Coulomb torques and their widths c and w as in `HINGE`, read from the file, shape (n,).
-    couplings
-        Springs and dampers between joints, of dtype `COUPLING`, read from flexlink's custom elements.
-    unspecified
-        Fields of `ReadBack` that the file does not specify.
-    """
-
-    name = "drake"
+    name, title = "drake", "Drake"
     version: str = importlib.metadata.version("drake")
 
     def __init__(self, chain: Chain) -> None:
-        base.refuse_prescribed_motion("Drake", chain)
         try:
             exported = to_sdf(chain, shapes=False)
             names = sdf_names(chain)[1:]
@@ -85,26 +56,18 @@ class DrakeEngine(OwnElements):
             self._parse(exported, names[: chain.n], names[2 * chain.n + frame])
         except RuntimeError as error:
             reason = " ".join(str(error).split())  # on one line
-            raise ArgumentError(
-                f"Drake cannot load {chain.name!r}: {reason}; use another engine", id="engine-cannot-load"
-            ) from error
+            raise cannot_load("Drake", repr(chain.name), f"{reason}; use another engine") from error
         self.excess = excess_of(chain, lambda: read_sdf(exported))
 
     @classmethod
     def from_file(cls, file: base.ForeignFile) -> Self:
-        """Load a foreign SDF file.
-
-        Raises
-        ------
-        ArgumentError
-            Drake refuses the file, or it has joint types that flexlink does not support.
-        """
+        """Load a foreign SDF file."""
         engine, text = cls.__new__(cls), file.path.read_text(encoding="utf-8")
-        refuse_in_files("Drake", file.path)
+        refuse_in_files(cls.title, file.path)
         try:
             engine._parse(text, reference=file.base)
         except (RuntimeError, ValueError) as error:
-            raise ArgumentError(f"Drake cannot load the file: {error}", id="engine-cannot-load") from error
+            raise cannot_load("Drake", "the file", error) from error
         return engine
 
     def _parse(self, text: str, names: Sequence[str] = (), tip: str = "", reference: Array | None = None) -> None:
@@ -122,9 +85,7 @@ class DrakeEngine(OwnElements):
         self.coulomb = np.array([float(element.findtext("axis/dynamics/friction", "0")) for element in elements])
         self.coulomb_width = np.array([float(element.get(width, "1")) for element in elements])
         own = any(width in element.attrib for element in elements)
-        specified = {"coulomb_width": own, "gravity": gravity is not None} | dict.fromkeys(
-            couplings.COUPLED_FIELDS, own
-        )
+        specified = {"coulomb_width": own, "gravity": gravity is not None} | dict.fromkeys(COUPLED_FIELDS, own)
         self.unspecified = frozenset(name for name, there in specified.items() if not there)
         self.n, self.context = self.plant.num_velocities(), self.plant.CreateDefaultContext()
         floats, rotation = BASE_JOINTS[0] in degrees, "" if model is None else model.get(f"{OWN}base", "")
@@ -132,7 +93,7 @@ class DrakeEngine(OwnElements):
             reference = np.reshape([float(x) for x in rotation.split()], (3, 3)) if rotation else np.eye(3)
         order = np.array([degrees[name] for name in self.names])
         self.coordinates = Coordinates(order, reference if floats else None, floating)
-        self.couplings = couplings.of_elements(root.iter(f"{OWN}coupling"), self.names)
+        self.couplings = records.of_elements(root.iter(f"{OWN}coupling"), self.names)
         self.rest = self.read_back().rest
         frames = root.findall(".//model/frame")
         last = moving_joints(self.plant)[-1].frame_on_child()
@@ -141,21 +102,15 @@ class DrakeEngine(OwnElements):
     def read_back(self) -> ReadBack:
         """Return the arm's properties as Drake has read them."""
         own = {"coulomb": self.coulomb, "coulomb_width": self.coulomb_width}
-        own |= couplings.to_matrices(self.couplings, self.n)
+        own |= records.to_matrices(self.couplings, self.n)
         return read(self.plant, self.context, self.coordinates, self.names, own, self.unspecified)
 
     def fill_missing(self, fields: Mapping[str, Array]) -> None:
-        """Set the fields of `ReadBack` that the file does not specify."""
-        self.coulomb_width = fields.get("coulomb_width", self.coulomb_width)
-        if couplings.COUPLED_FIELDS.keys() <= fields.keys():
-            self.couplings = couplings.of_matrices(fields)
+        """Set the fields of `ReadBack` that the file does not specify, gravity in a new plant."""
+        super().fill_missing(fields)
         if "gravity" in fields:
-            self.gravity = fields["gravity"]
             self.plant = self._load(MultibodyPlant(time_step=0.0))
             self.context = self.plant.CreateDefaultContext()
-
-    def neutralize_settings(self) -> None:
-        """Do nothing, because Drake has no settings that act at a given state."""
 
     def mass_matrix(self, q: Array) -> Array:
         """Return M(q) by the composite-rigid-body algorithm (`CalcMassMatrix`)."""
@@ -170,7 +125,7 @@ class DrakeEngine(OwnElements):
         if tip_wrench is not None:
             world = plant.world_frame()
             J = plant.CalcJacobianSpatialVelocity(
-                context, JacobianWrtVariable.kV, self.tip, np.zeros(3), world, world
+                context, tree.JacobianWrtVariable.kV, self.tip, np.zeros(3), world, world
             )  # angular part first
             torque -= J[3:].T @ tip_wrench[:3] + J[:3].T @ tip_wrench[3:]
         if (drift := self.coordinates.drift(q, qd)) is not None:
@@ -204,13 +159,12 @@ class DrakeEngine(OwnElements):
     def integrate(self, scene: Scene) -> base.Samples:
         """Run `Simulator.AdvanceTo` with Drake's own Runge-Kutta method at fixed steps."""
         run, order = scene.run, self.coordinates.order
-        problem = base.fixed_steps_problem(scene)
-        base.refuse_prescribed_motion("Drake", problem.chain)
+        problem = base.fixed_steps_problem(scene, self.title)
         if self.coordinates.reference is not None or scene.arm.has_drag:
-            return run_in_steps(self.name, problem, self._accelerations, self.coordinates)
-        base.refuse_sampled_inputs("Drake", scene)
+            return self.run_in_steps(problem)
+        base.refuse_sampled_inputs(self.title, scene)
         methods = {"RK3": "runge_kutta3", "DOPRI5": "runge_kutta5"}  # flexlink's names → Drake's names
-        base.refuse_method("Drake", run.method, methods)
+        base.refuse_method(self.title, run.method, methods)
         samples = t, q, qd = base.allocate_samples(problem)
         simulator, plant = self._simulator(problem)
         state = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
@@ -230,13 +184,6 @@ class DrakeEngine(OwnElements):
             if not np.isfinite([q[row], qd[row]]).all():
                 raise base.divergence_error(self.name, problem, samples, row)
         return samples
-
-    def _accelerations(
-        self, q: Array, qd: Array, tau: Array, wrench: Array | None, *, follows: bool, prescribed: Array
-    ) -> Array:
-        if follows and wrench is not None:
-            wrench = base.rotate_wrench(self.tip_rotation(q), wrench)
-        return self.forward_dynamics(q, qd, tau, tip_wrench=wrench)
 
     def _load(self, plant: MultibodyPlant) -> MultibodyPlant:
         Parser(plant).AddModelsFromString(self.text, "sdf")
@@ -265,7 +212,7 @@ class DrakeEngine(OwnElements):
     def _joint_forces(self, q: Array, qd: Array) -> Array:
         """Return the generalized forces of springs and dampers, shape (n,)."""
         self._place(q, qd)
-        forces = MultibodyForces(self.plant)
+        forces = tree.MultibodyForces(self.plant)
         self.plant.CalcForceElementsContribution(self.context, forces)
         return self.coordinates.our_torques(q, forces.generalized_forces())
 
@@ -321,21 +268,15 @@ class _Inputs(LeafSystem):  # type: ignore[misc]  # pydrake is not type-checked
 # Read the record (`ReadBack`) of a finalized Drake plant.
 
 
-ONE_AXIS = (RevoluteJoint, PrismaticJoint)
+ONE_AXIS = (tree.RevoluteJoint, tree.PrismaticJoint)
 
 
 def moving_joints(plant: Any) -> list[Any]:
-    """Return the joints that can move, in Drake's order.
-
-    Raises
-    ------
-    ArgumentError
-        A joint is of a type that `require_joints` does not allow.
-    """
-    known = (*ONE_AXIS, QuaternionFloatingJoint)
+    """Return the joints that can move, in Drake's order."""
+    known = (*ONE_AXIS, tree.QuaternionFloatingJoint)
     joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
     moving = sorted((joint for joint in joints if joint.num_velocities()), key=lambda joint: joint.velocity_start())
-    require_joints([(joint.name(), "" if isinstance(joint, known) else joint.type_name()) for joint in moving])
+    records.require_joints([(joint.name(), "" if isinstance(joint, known) else joint.type_name()) for joint in moving])
     return moving
 
 
@@ -343,7 +284,7 @@ def degrees_of_freedom(plant: Any) -> dict[str, int]:
     """Map joint names to Drake's numbers; a floating base has six, rotation first, under flexlink's names."""
     found = dict[str, int]()
     for joint in moving_joints(plant):
-        floats = isinstance(joint, QuaternionFloatingJoint)
+        floats = isinstance(joint, tree.QuaternionFloatingJoint)
         names = (*BASE_JOINTS[3:], *BASE_JOINTS[:3]) if floats else (joint.name(),)
         found |= {name: joint.velocity_start() + k for k, name in enumerate(names)}
     return {name: found[name] for name in (*(name for name in BASE_JOINTS if name in found), *found)}
@@ -360,27 +301,23 @@ def read(
     frames = [joint.frame_on_child().CalcPoseInWorld(context) for joint in joints]
     points = np.array([frame.translation() for frame in frames])
     R = np.array([frame.rotation().matrix() for frame in frames])
-    slides = np.array([isinstance(joint, PrismaticJoint) for joint in joints])
+    slides = np.array([isinstance(joint, tree.PrismaticJoint) for joint in joints])
     floats = theirs.reference is not None
     axes = np.array([turned @ _axis(joint) for turned, joint in zip(R, joints, strict=True)])
     if floats:  # flexlink's three slides and three rotations, in Drake's order
         slides[3:6], axes[:3], axes[3:6] = True, R[0].T, np.eye(3)
     behind = _behind(plant, joints)
-    springs = {spring.joint().name(): spring for spring in _springs(plant)}
-    limits = {actuator.joint().name(): actuator.effort_limit() for actuator in _actuators(plant)}
+    springs = _springs(plant)
+    actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
+    limits = {actuator.joint().name(): actuator.effort_limit() for actuator in actuators}
+    rotors = {actuator.joint().name(): actuator.default_reflected_inertia() for actuator in actuators}
     most = np.array([limits.get(joint.name(), np.inf) for joint in joints])
-    driven = np.array(
-        [float(joint.name() in limits) for joint in joints]
-    )  # the input of an actuator is the joint torque
-    rotors = {actuator.joint().name(): actuator.default_reflected_inertia() for actuator in _actuators(plant)}
-    values: dict[str, Any] = {
-        "stiffness": [_stiffness(springs[j.name()]) if j.name() in springs else 0.0 for j in joints],
-        "rest": [_rest(springs[j.name()]) if j.name() in springs else 0.0 for j in joints],
-        "damping": [joint.default_damping() if isinstance(joint, ONE_AXIS) else 0.0 for joint in joints],
-        "armature": [rotors.get(joint.name(), 0.0) for joint in joints],
-    }
-    fields: dict[str, Any] = {field: np.array(numbers, float) for field, numbers in values.items()}
-    fields |= {name: np.zeros_like(given) for name, given in own.items()}
+    driven = np.array([float(joint.name() in limits) for joint in joints])  # an actuator's input is the joint torque
+    constants = np.array([springs.get(joint.name(), (0.0, 0.0)) for joint in joints], float)
+    fields: dict[str, Any] = {name: np.zeros_like(given) for name, given in own.items()}
+    fields |= {"stiffness": constants[:, 0], "rest": constants[:, 1]}
+    fields["damping"] = np.array([j.default_damping() if isinstance(j, ONE_AXIS) else 0.0 for j in joints], float)
+    fields["armature"] = np.array([rotors.get(joint.name(), 0.0) for joint in joints], float)
     before = np.array([behind[int(joint.parent_body().index())] for joint in joints])
     first = np.array([k == 0 or joint is not joints[k - 1] for k, joint in enumerate(joints)])
     parents = np.where(first, before, np.arange(n) - 1)
@@ -389,33 +326,26 @@ def read(
     fields |= _bodies(plant, context, behind, points)
     record = ReadBack(
         names=("",) * n, parents=parents, axes=axes, points=points, frames=R, slides=slides,
-        **no_actuators(n) | {"gear": driven, "effort": np.stack([-most, most], axis=1)}, **fields,
+        **records.no_actuators(n) | {"gear": driven, "effort": np.stack([-most, most], axis=1)}, **fields,
         gravity=np.array(plant.gravity_field().gravity_vector()), tip=_tip(plant, context), unspecified=unspecified,
         bodies=tuple(joint.child_body().name() for joint in joints),
     )  # fmt: skip
-    return dataclasses.replace(record.in_order(theirs.order), names=tuple(names), **own)
+    return record.in_order(theirs.order, names=tuple(names), **own)
 
 
 def _axis(joint: Any) -> Array:
     """Return the axis in the joint's frame; zero for a floating base."""
-    if isinstance(joint, RevoluteJoint):
+    if isinstance(joint, tree.RevoluteJoint):
         return np.asarray(joint.revolute_axis())
-    return np.asarray(joint.translation_axis()) if isinstance(joint, PrismaticJoint) else np.zeros(3)
-
-
-def _stiffness(spring: Any) -> float:
-    return float(spring.stiffness() if isinstance(spring, PrismaticSpring) else spring.default_stiffness())
-
-
-def _rest(spring: Any) -> float:
-    slides = isinstance(spring, PrismaticSpring)
-    return float(spring.nominal_position() if slides else spring.default_nominal_angle())
+    return np.asarray(joint.translation_axis()) if isinstance(joint, tree.PrismaticJoint) else np.zeros(3)
 
 
 def _behind(plant: Any, joints: list[Any]) -> Indices:
     """Return the last degree of freedom that moves each body: −1 if it is fixed, the last rotation if it floats."""
     carrier = {int(joint.child_body().index()): k for k, joint in enumerate(joints)}
-    carrier |= {int(joint.child_body().index()): 2 for joint in joints if isinstance(joint, QuaternionFloatingJoint)}
+    carrier |= {
+        int(joint.child_body().index()): 2 for joint in joints if isinstance(joint, tree.QuaternionFloatingJoint)
+    }
     every = [plant.get_joint(index) for index in plant.GetJointIndices()]
     parent = {int(joint.child_body().index()): int(joint.parent_body().index()) for joint in every}
     behind = np.full(plant.num_bodies(), -1, dtype=np.intp)
@@ -428,23 +358,25 @@ def _behind(plant: Any, joints: list[Any]) -> Indices:
 
 
 def _bodies(plant: Any, context: Any, behind: Indices, points: Array) -> dict[str, Any]:
-    bodies = [plant.get_body(BodyIndex(k)) for k in range(plant.num_bodies())]
+    bodies = [plant.get_body(tree.BodyIndex(k)) for k in range(plant.num_bodies())]
     masses, centers, inertias = np.zeros(len(bodies)), np.zeros((len(bodies), 3)), np.zeros((len(bodies), 3, 3))
     for k, body in enumerate(bodies[1:], 1):  # the first is the world
         X, M = plant.EvalBodyPoseInWorld(context, body), body.default_spatial_inertia()
         R, c = X.rotation().matrix(), M.get_com()
         masses[k], centers[k] = M.get_mass(), X.translation() + R @ c
         inertias[k] = R @ M.Shift(c).CalcRotationalInertia().CopyToFullMatrix3() @ R.T
-    return merge_bodies(behind, masses, centers, inertias, points)
+    return records.merge_bodies(behind, masses, centers, inertias, points)
 
 
-def _springs(plant: Any) -> list[Any]:
-    elements = [plant.get_force_element(ForceElementIndex(k)) for k in range(plant.num_force_elements())]
-    return [element for element in elements if isinstance(element, RevoluteSpring | PrismaticSpring)]
-
-
-def _actuators(plant: Any) -> list[Any]:
-    return [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
+def _springs(plant: Any) -> dict[str, tuple[float, float]]:
+    """Return stiffness and rest position of the springs, by the names of their joints."""
+    found = dict[str, tuple[float, float]]()
+    for spring in (plant.get_force_element(tree.ForceElementIndex(k)) for k in range(plant.num_force_elements())):
+        if isinstance(spring, tree.RevoluteSpring):
+            found[spring.joint().name()] = spring.default_stiffness(), spring.default_nominal_angle()
+        elif isinstance(spring, tree.PrismaticSpring):
+            found[spring.joint().name()] = spring.stiffness(), spring.nominal_position()
+    return found
 
 
 def _tip(plant: Any, context: Any) -> Array | None:

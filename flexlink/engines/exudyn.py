@@ -20,17 +20,8 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import exudyn as exu
+import exudyn.itemInterface as items  # noqa: N813
 import numpy as np
-from exudyn.itemInterface import (
-    LoadForceVector,
-    LoadTorqueVector,
-    MarkerBodyRigid,
-    MarkerKinematicTreeRigid,
-    NodeGenericODE2,
-    ObjectGenericODE2,
-    ObjectGround,
-    ObjectKinematicTree,
-)
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
@@ -40,8 +31,8 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.floating_base import ANGLES
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines import base
-from flexlink.engines.couplings import OwnElements, excess_of, to_matrices
-from flexlink.engines.read_back import ReadBack, of_chain
+from flexlink.engines.other_program import OtherProgram, excess_of
+from flexlink.engines.read_back import ReadBack, of_chain, to_matrices
 from flexlink.formats import read_urdf, to_urdf
 from flexlink.formats.document import loaded_tip, places
 
@@ -50,20 +41,13 @@ TorqueFunction = Callable[..., Array]
 LoadFunction = Callable[..., Array]
 
 
-class ExudynEngine(OwnElements):
-    """A chain in Exudyn.
+class ExudynEngine(OtherProgram):
+    """A chain in Exudyn; `read` is the chain read from the exported file."""
 
-    Attributes
-    ----------
-    read
-        The chain read from the exported file.
-    """
-
-    name = "exudyn"
+    name, title = "exudyn", "Exudyn"
     version: str = exu.__version__
 
     def __init__(self, chain: Chain) -> None:
-        base.refuse_prescribed_motion("Exudyn", chain)
         exported = to_urdf(chain, shapes=False)
         self.read = read_urdf(exported)
         self.excess = excess_of(chain, lambda: self.read)
@@ -85,10 +69,6 @@ class ExudynEngine(OwnElements):
         """Return T_GC: minus the torques of the tree without springs."""
         return -self._bodies.torques(q, qd, tip_wrench)
 
-    def gravity_torque(self, q: Array) -> Array:
-        """Return T_G: T_GC with zero rates."""
-        return self.bias_torque(q, np.zeros(self.n))
-
     def elastic_torque(self, q: Array) -> Array:
         """Return T_FL: minus the torques of the massless tree with zero rates."""
         return self._beyond(q) - self._springs.torques(q, np.zeros(self.n))
@@ -106,10 +86,9 @@ class ExudynEngine(OwnElements):
         # largest angle of a floating base [rad]; the angle about Y is singular at 90°
         largest_turn = 1.2
         run = scene.run
-        problem = base.fixed_steps_problem(scene)
-        base.refuse_prescribed_motion("Exudyn", problem.chain)
-        base.refuse_sampled_inputs("Exudyn", scene)
-        base.refuse_method("Exudyn", run.method, METHODS)
+        problem = base.fixed_steps_problem(scene, self.title)
+        base.refuse_sampled_inputs(self.title, scene)
+        base.refuse_method(self.title, run.method, METHODS)
         samples = t, q, qd = base.allocate_samples(problem)
         whole = self._whole
         whole.load(np.zeros(self.n), None)
@@ -153,23 +132,23 @@ class _System:
         self.mbs = mbs = self._box.AddSystem()
         zero, self.slack = np.zeros(n), np.array(chain.rest)  # the node's coordinates are relative to `slack`
         node = mbs.AddNode(
-            NodeGenericODE2(
+            items.NodeGenericODE2(
                 referenceCoordinates=self.slack, initialCoordinates=zero, initialCoordinates_t=zero,
                 numberOfODE2Coordinates=n,
             )
         )  # fmt: skip
         self.tree = mbs.AddObject(_kinematic_tree(chain, node))
         rotors = np.diag(chain.hinges["armature"])
-        mbs.AddObject(ObjectGenericODE2(nodeNumbers=[node], massMatrix=rotors, **_between_joints(chain)))
+        mbs.AddObject(items.ObjectGenericODE2(nodeNumbers=[node], massMatrix=rotors, **_between_joints(chain)))
         tip = loaded_tip(chain)
         self.tip_rotation = np.array(tip.rotation)
         if tip.parent >= 0:
             place = {"linkNumber": tip.parent, "localPosition": tip.translation}
-            marker = mbs.AddMarker(MarkerKinematicTreeRigid(objectNumber=self.tree, **place))
+            marker = mbs.AddMarker(items.MarkerKinematicTreeRigid(objectNumber=self.tree, **place))
         else:  # the wrench acts on the fixed base
-            marker = mbs.AddMarker(MarkerBodyRigid(bodyNumber=mbs.AddObject(ObjectGround())))
-        self.force = mbs.AddLoad(LoadForceVector(markerNumber=marker, loadVector=np.zeros(3)))
-        self.moment = mbs.AddLoad(LoadTorqueVector(markerNumber=marker, loadVector=np.zeros(3)))
+            marker = mbs.AddMarker(items.MarkerBodyRigid(bodyNumber=mbs.AddObject(items.ObjectGround())))
+        self.force = mbs.AddLoad(items.LoadForceVector(markerNumber=marker, loadVector=np.zeros(3)))
+        self.moment = mbs.AddLoad(items.LoadTorqueVector(markerNumber=marker, loadVector=np.zeros(3)))
         mbs.Assemble()
         settings = _settings()
         settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False  # undefined for the massless tree
@@ -218,19 +197,17 @@ class _System:
     def driven(self, torques: TorqueFunction | None, wrench: base.TipWrench | None) -> Iterator[None]:
         """Make Exudyn evaluate drive torques and a tip wrench at every stage."""
         try:
-            self.mbs.SetObjectParameter(self.tree, "forceUserFunction", torques or 0)
-            for load, part in ((self.force, slice(3)), (self.moment, slice(3, 6))):
-                self._set_function(load, None if wrench is None else self._part(wrench, part))
-                self.mbs.SetLoadParameter(load, "bodyFixed", wrench is not None and wrench.follows)
+            self._drive(torques, wrench)
             yield
         finally:
-            self.mbs.SetObjectParameter(self.tree, "forceUserFunction", 0)
-            for load in (self.force, self.moment):
-                self._set_function(load, None)
-                self.mbs.SetLoadParameter(load, "bodyFixed", False)
+            self._drive(None, None)
 
-    def _set_function(self, load: int, function: LoadFunction | None) -> None:
-        self.mbs.SetLoadParameter(load, "loadVectorUserFunction", function or 0)
+    def _drive(self, torques: TorqueFunction | None, wrench: base.TipWrench | None) -> None:
+        self.mbs.SetObjectParameter(self.tree, "forceUserFunction", torques or 0)
+        for load, part in ((self.force, slice(3)), (self.moment, slice(3, 6))):
+            function = 0 if wrench is None else self._part(wrench, part)
+            self.mbs.SetLoadParameter(load, "loadVectorUserFunction", function)
+            self.mbs.SetLoadParameter(load, "bodyFixed", wrench is not None and wrench.follows)
 
     def _part(self, wrench: base.TipWrench, part: slice) -> LoadFunction:
         """Return a load function with Exudyn's signature; a wrench that follows the tip is in axes of the last link."""
@@ -266,7 +243,7 @@ def _kinematic_tree(chain: Chain, node: Any) -> Any:
     bodies = [massless if place.body is None else place.body for place in placements]
     kind = exu.JointType
     kinds = (kind.RevoluteX, kind.RevoluteY, kind.RevoluteZ, kind.PrismaticX, kind.PrismaticY, kind.PrismaticZ)
-    return ObjectKinematicTree(
+    return items.ObjectKinematicTree(
         nodeNumber=node, gravity=chain.gravity, linkParents=np.array([place.parent for place in placements]),
         jointTypes=[kinds[axis] for axis in hinges["axis"]],
         jointTransformations=exu.Matrix3DList([place.rotation for place in placements]),

@@ -22,13 +22,11 @@ import mujoco
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
-from flexlink.engines import base, couplings, mujoco_reader, mujoco_tendons
-from flexlink.engines.couplings import OwnElements, excess_of, refuse_in_files
-from flexlink.engines.read_back import ReadBack
-from flexlink.engines.steps import run_in_steps
+from flexlink.engines import base, mujoco_reader, mujoco_tendons
+from flexlink.engines.other_program import OtherProgram, cannot_load, excess_of, refuse_in_files
+from flexlink.engines.read_back import COUPLED_FIELDS, ReadBack
 from flexlink.formats import to_mjcf
 from flexlink.formats.document import loaded_tip, xml_joint_names
 from flexlink.kernels.layout import COUPLING
@@ -37,38 +35,22 @@ Callback = Callable[[Any, Any], None] | None
 _callback_lock = threading.Lock()  # MuJoCo has one set of callbacks per process
 
 
-class MujocoEngine(OwnElements):
-    """A chain in MuJoCo.
+class MujocoEngine(OtherProgram):
+    """A chain in MuJoCo: its `model` and `data`, and the `record` of what MuJoCo has read.
 
-    Attributes
-    ----------
-    model, data
-        MuJoCo's model and its data.
-    coordinates
-        Map between flexlink's and MuJoCo's coordinates.
-    tip
-        Index of the tip body at which the wrench acts.
-    coulomb, coulomb_width
-        Coulomb torques c and their widths w, read from the file, shape (n,).
-    couplings
-        Springs and dampers between joints, of dtype `COUPLING`, taken from the scene if the file cannot specify them.
-    record
-        The arm as MuJoCo has read it.
+    `couplings` are taken from the scene if a foreign file cannot specify them.
     """
 
-    name = "mujoco"
+    name, title = "mujoco", "MuJoCo"
     version: str = mujoco.__version__
 
     def __init__(self, chain: Chain) -> None:
-        base.refuse_prescribed_motion("MuJoCo", chain)
         try:
             with quiet():
                 exported = to_mjcf(chain, shapes=False)
                 model = mujoco.MjModel.from_xml_string(exported)
         except ValueError as error:
-            raise ArgumentError(
-                f"MuJoCo cannot load {chain.name!r}: {error}; use another engine", id="engine-cannot-load"
-            ) from error
+            raise cannot_load("MuJoCo", repr(chain.name), f"{error}; use another engine") from error
         self._use(model, mujoco_reader.read(model), xml_joint_names(chain), loaded_tip(chain).name)
         self.excess = excess_of(chain, lambda: self._with_springs(chain))
 
@@ -81,25 +63,19 @@ class MujocoEngine(OwnElements):
 
     @classmethod
     def from_file(cls, file: base.ForeignFile) -> Self:
-        """Load a foreign MJCF or URDF file and the files that it includes.
-
-        Raises
-        ------
-        ArgumentError
-            MuJoCo refuses the file, or it has joint types that flexlink does not support.
-        """
-        refuse_in_files("MuJoCo", file.path)
+        """Load a foreign MJCF or URDF file and the files that it includes."""
+        refuse_in_files(cls.title, file.path)
         try:
             with quiet(), warnings.catch_warnings(action="ignore"):  # ignore deprecated attributes
                 spec = mujoco.MjSpec.from_file(str(file.path))
                 model = spec.compile()
         except (ValueError, RuntimeError, mujoco.FatalError) as error:
-            raise ArgumentError(f"MuJoCo cannot load the file: {error}", id="engine-cannot-load") from error
+            raise cannot_load("MuJoCo", "the file", error) from error
         engine = cls.__new__(cls)
         record = mujoco_reader.read(model, spec, file.base)
         if file.format == "urdf":
             unspecified = frozenset(
-                {"gravity", "stiffness", "rest", "armature", "coulomb_width", "autoreset", *couplings.COUPLED_FIELDS}
+                {"gravity", "stiffness", "rest", "armature", "coulomb_width", "autoreset", *COUPLED_FIELDS}
             )
             record = dataclasses.replace(record, unspecified=unspecified, integrator="", step=None)
         engine._use(model, record, reference=file.base)
@@ -125,18 +101,9 @@ class MujocoEngine(OwnElements):
         return self.record
 
     def fill_missing(self, fields: Mapping[str, Array]) -> None:
-        """Set the fields of `ReadBack` that the file does not specify."""
-        model = self.model
-        arrays = {
-            "gravity": model.opt.gravity, "coulomb_width": self.coulomb_width,
-        }  # fmt: skip
-        for field, values in fields.items():
-            if field in arrays:
-                arrays[field][:] = values
-        mujoco_reader.fill(model, self.coordinates, fields)
-        self.rest = fields.get("rest", self.rest)
-        if couplings.COUPLED_FIELDS.keys() <= fields.keys():
-            self.couplings = couplings.of_matrices(fields)
+        """Set the fields of `ReadBack` that the file does not specify, most of them in the model."""
+        super().fill_missing(fields)
+        mujoco_reader.fill(self.model, self.coordinates, fields)
 
     def neutralize_settings(self) -> None:
         """Disable everything that acts in addition to gravity, springs and dampers."""
@@ -160,10 +127,6 @@ class MujocoEngine(OwnElements):
         torque = self.data.qfrc_bias - torque
         drift = self.coordinates.drift(q, qd)
         return self.coordinates.our_torques(q, torque if drift is None else torque + self._mass_matrix() @ drift)
-
-    def gravity_torque(self, q: Array) -> Array:
-        """Return T_G: `qfrc_bias` with zero rates."""
-        return self.bias_torque(q, np.zeros(self.n))
 
     def elastic_torque(self, q: Array) -> Array:
         """Return T_FL: minus `qfrc_spring`, plus the extra torque of rotation-vector springs."""
@@ -191,14 +154,12 @@ class MujocoEngine(OwnElements):
 
     def integrate(self, scene: Scene) -> base.Samples:
         """Run MuJoCo's RK4 (`mj_step`); with a floating base or drag, the scene's method calls `mj_forward` instead."""
-        if self.coordinates.reference is not None or scene.arm.has_drag:
-            problem = base.fixed_steps_problem(scene)
-            base.refuse_prescribed_motion("MuJoCo", problem.chain)
-            return run_in_steps(self.name, problem, self._accelerations, self.coordinates)
-        run, model = scene.run, self.model
-        base.refuse_method("MuJoCo", run.method, ["RK4"])
-        problem = base.fixed_steps_problem(scene)
-        base.refuse_prescribed_motion("MuJoCo", problem.chain)
+        run, model, alone = scene.run, self.model, self.coordinates.reference is None and not scene.arm.has_drag
+        if alone:
+            base.refuse_method(self.title, run.method, ["RK4"])
+        problem = base.fixed_steps_problem(scene, self.title)
+        if not alone:
+            return self.run_in_steps(problem)
         samples = t, q, qd = base.allocate_samples(problem)
         data, order = self.data, self.coordinates.order
         mujoco.mj_resetData(model, data)
@@ -226,13 +187,10 @@ class MujocoEngine(OwnElements):
                 q[row], qd[row] = data.qpos[order], data.qvel[order]
         return samples
 
-    def _accelerations(
-        self, q: Array, qd: Array, tau: Array, wrench: Array | None, *, follows: bool, prescribed: Array
-    ) -> Array:
-        if follows and wrench is not None:
-            self._place(q, qd)
-            wrench = base.rotate_wrench(self.data.xmat[self.tip].reshape(3, 3), wrench)
-        return self.forward_dynamics(q, qd, tau, tip_wrench=wrench)
+    def tip_rotation(self, q: Array) -> Array:
+        """Return the rotation from the tip frame into frame 0."""
+        self._place(q, np.zeros(self.n))
+        return np.array(self.data.xmat[self.tip].reshape(3, 3))
 
     def _mass_matrix(self) -> Array:
         """Return M in MuJoCo's coordinates at the state set by `_place`."""

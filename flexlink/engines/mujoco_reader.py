@@ -39,15 +39,9 @@ def joint_names(model: Any) -> tuple[str, ...]:
     return (*base, *(_joint(model, k) for k in range(floats(model), model.njnt)))
 
 
-def rest_angles(model: Any) -> Array:
-    """Return the rest angles of the springs, shape (nv,); 0 for a floating base."""
-    rest = np.zeros(model.nv)
-    rest[model.jnt_dofadr[floats(model) :]] = model.qpos_spring[model.jnt_qposadr[floats(model) :]]
-    return rest
-
-
 def fill(model: Any, theirs: Coordinates, fields: Mapping[str, Array]) -> None:
-    """Set stiffness, rest angle and armature, if given, of joints in flexlink's order."""
+    """Set gravity, and stiffness, rest angle and armature of joints in flexlink's order, if given."""
+    model.opt.gravity[:] = fields.get("gravity", model.opt.gravity)
     joints = model.dof_jntid[theirs.order]
     moving = model.jnt_type[joints] != mujoco.mjtJoint.mjJNT_FREE
     if "armature" in fields:
@@ -76,10 +70,9 @@ def read(model: Any, spec: Any = None, reference: Array | None = None) -> ReadBa
     on = {name: float(_on(model, bit)) for name, bit in (("spring", "SPRING"), ("damper", "DAMPER"))}
     frames = data.xmat.reshape(-1, 3, 3)[model.dof_bodyid]
     damping, armature = (added(model, name) for name in ("damping", "armature"))
-    own = {
-        "stiffness": _first(model.jnt_stiffness)[joints], "damping": _first(model.dof_damping) + damping,
-        "rest": rest_angles(model),
-    }  # fmt: skip
+    own = {"stiffness": _first(model.jnt_stiffness)[joints], "damping": _first(model.dof_damping) + damping}
+    own["rest"] = np.zeros(model.nv)  # 0 for a floating base
+    own["rest"][model.jnt_dofadr[floats(model) :]] = model.qpos_spring[model.jnt_qposadr[floats(model) :]]
     springs = mujoco_tendons.add_tendons(model, own)
     for flag, fields in (("spring", ("stiffness", "coupled_stiffness")), ("damper", ("damping", "coupled_damping"))):
         springs |= {field: on[flag] * springs[field] for field in fields}
@@ -92,7 +85,7 @@ def read(model: Any, spec: Any = None, reference: Array | None = None) -> ReadBa
         **springs, coulomb=model.dof_frictionloss.copy(), coulomb_width=widths, armature=model.dof_armature + armature,
         gravity=float(_on(model, "GRAVITY")) * model.opt.gravity,
         tip=_tip(model, data), unspecified=frozenset() if model.nuser_jnt else frozenset({"coulomb_width"}),
-        settings=dict(_active_settings(model)) | dict(_changing_settings(model, spec)),
+        settings=_settings(model, spec),
         integrator=_integrator(model), step=float(model.opt.timestep),
         bodies=tuple(mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, b) or "" for b in model.dof_bodyid),
     )  # fmt: skip
@@ -144,67 +137,46 @@ def _tip(model: Any, data: Any) -> Array | None:
     return None
 
 
-def _active_settings(model: Any) -> Iterator[tuple[str, str]]:
-    """Yield settings that act when the model runs, named as in `diagnosis/data/mistakes.toml`."""
-    opt = model.opt
-    if _on(model, "CONSTRAINT"):
-        yield from _active_constraints(model)
-    if model.body_gravcomp.any():
-        bodies = int((model.body_gravcomp != 0).sum())
-        yield "gravcomp", f"{bodies} bod{'y' if bodies == 1 else 'ies'}"
-    if opt.density or opt.viscosity:
-        yield "fluid", f"density {opt.density:g}, viscosity {opt.viscosity:g}"
-    if others := list(other_actuators(model)):
-        yield "other actuators", ", ".join(others)
-    if tendons := [mujoco_tendons.name_of(model, number) for number in mujoco_tendons.others(model)]:
-        yield "tendons", ", ".join(map(repr, tendons[:3])) + " …" * (len(tendons) > 3)
-    if _on(model, "AUTORESET"):
-        yield "autoreset", ""
+def _settings(model: Any, spec: Any) -> dict[str, str]:
+    """Return settings that act in a run or have changed numbers, named as in `diagnosis/data/mistakes.toml`."""
+    opt, constrained = model.opt, _on(model, "CONSTRAINT")
+    colliding = int(((model.geom_contype != 0) | (model.geom_conaffinity != 0)).sum())
+    wide = 1e6  # rad; URDF requires limits, even for unlimited joints
+    limited = int(((model.jnt_limited != 0) & (np.abs(model.jnt_range).min(axis=1) < wide)).sum())
+    dry, lifted = int((model.dof_frictionloss != 0).sum()), int((model.body_gravcomp != 0).sum())
+    others = list(other_actuators(model))
+    tendons = [mujoco_tendons.name_of(model, number) for number in mujoco_tendons.others(model)]
+    settings: dict[str, tuple[Any, str]] = {
+        "contacts": (constrained and _on(model, "CONTACT") and colliding > 1, f"{colliding} geoms"),
+        "limits": (constrained and _on(model, "LIMIT") and limited, f"{limited} joints"),
+        "frictionloss": (constrained and _on(model, "FRICTIONLOSS") and dry, f"{dry} joints"),
+        "equality": (constrained and _on(model, "EQUALITY") and model.neq, f"{model.neq}"),
+        "gravcomp": (lifted, f"{lifted} bod{'y' if lifted == 1 else 'ies'}"),
+        "fluid": (opt.density or opt.viscosity, f"density {opt.density:g}, viscosity {opt.viscosity:g}"),
+        "other actuators": (others, ", ".join(others)),
+        "tendons": (tendons, ", ".join(map(repr, tendons[:3])) + " …" * (len(tendons) > 3)),
+        "autoreset": (_on(model, "AUTORESET"), ""),
+        "no springs": (not _on(model, "SPRING"), ""),
+        "no dampers": (not _on(model, "DAMPER"), ""),
+        "ref": (model.qpos0[7 * floats(model) :].any(), ""),
+        "springlength": (mujoco_tendons.slack_elsewhere(model), ""),
+    }
+    if spec is not None:
+        compiler, yes = spec.compiler, mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+        changing = {
+            "springdamper": any(np.any(joint.springdamper) for joint in spec.joints),
+            "degree": compiler.degree, "inertiafromgeom": compiler.inertiafromgeom == yes,
+            "boundmass": compiler.boundmass > 0, "boundinertia": compiler.boundinertia > 0,
+            "balanceinertia": compiler.balanceinertia, "settotalmass": compiler.settotalmass > 0,
+        }  # fmt: skip
+        settings |= {name: (value, "") for name, value in changing.items()}
+    return {name: text for name, (active, text) in settings.items() if active}
 
 
 def _integrator(model: Any) -> str:
     name: str = mujoco.mjtIntegrator(model.opt.integrator).name.removeprefix("mjINT_")
     explicit = name == "EULER" and not _on(model, "EULERDAMP")
     return (name if name == "RK4" else name.capitalize()) + " without eulerdamp" * explicit
-
-
-def _active_constraints(model: Any) -> Iterator[tuple[str, str]]:
-    colliding = int(((model.geom_contype != 0) | (model.geom_conaffinity != 0)).sum())
-    if _on(model, "CONTACT") and colliding > 1:
-        yield "contacts", f"{colliding} geoms"
-    wide = 1e6  # rad; URDF requires limits, even for unlimited joints
-    limited = int(((model.jnt_limited != 0) & (np.abs(model.jnt_range).min(axis=1) < wide)).sum())
-    if _on(model, "LIMIT") and limited:
-        yield "limits", f"{limited} joints"
-    dry = int((model.dof_frictionloss != 0).sum())
-    if _on(model, "FRICTIONLOSS") and dry:
-        yield "frictionloss", f"{dry} joints"
-    if _on(model, "EQUALITY") and model.neq:
-        yield "equality", f"{model.neq}"
-
-
-def _changing_settings(model: Any, spec: Any) -> Iterator[tuple[str, str]]:
-    """Yield settings that change values between file and model, named as in `diagnosis/data/mistakes.toml`."""
-    if not _on(model, "SPRING"):
-        yield "no springs", ""
-    if not _on(model, "DAMPER"):
-        yield "no dampers", ""
-    if model.qpos0[7 * floats(model) :].any():
-        yield "ref", ""
-    if mujoco_tendons.slack_elsewhere(model):
-        yield "springlength", ""
-    if spec is None:
-        return
-    if any(np.any(joint.springdamper) for joint in spec.joints):
-        yield "springdamper", ""
-    compiler = spec.compiler
-    yes = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
-    active = {
-        "degree": compiler.degree, "inertiafromgeom": compiler.inertiafromgeom == yes,
-        "boundmass": compiler.boundmass > 0, "boundinertia": compiler.boundinertia > 0,
-        "balanceinertia": compiler.balanceinertia, "settotalmass": compiler.settotalmass > 0,
-    }  # fmt: skip
-    yield from ((name, "") for name, value in active.items() if value)
 
 
 # Actuators of a compiled MuJoCo model as `ACTUATOR_FIELDS` of its joints.

@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 
 from flexlink.common.types import Array, Indices
-from flexlink.engines.couplings import COUPLED_FIELDS
+from flexlink.engines.read_back import COUPLED_FIELDS
 
 
 def add_tendons(model: Any, joints: dict[str, Array]) -> dict[str, Any]:

@@ -6,14 +6,13 @@ M, recursive Newton-Euler algorithm and `aba` include the armature, which a cust
 
 A floating base is Pinocchio's `JointModelFreeFlyer`, whose coordinates are converted (`coordinates`).
 
-With prescribed joints p, the equations of the free joints f remain (Featherstone 2008, section 9.2):
+With joints p of given motion, the equations of the free joints f remain (Featherstone 2008, section 9.2):
 
     M_ff q̈_f = (T_EX − T_FL − T_FR − T_GC)_f − M_fp q̈_p
 """
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any, Self
 from xml.etree import ElementTree as ET
@@ -27,57 +26,31 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array, Indices
 from flexlink.describe.arm import BASE
 from flexlink.describe.scene import Scene
-from flexlink.engines import couplings
+from flexlink.engines import read_back as records
 from flexlink.engines.base import ForeignFile, Samples, fixed_steps_problem
 from flexlink.engines.coordinates import BASE_JOINTS, Coordinates, Floating
-from flexlink.engines.couplings import OwnElements, excess_of, refuse_in_files
-from flexlink.engines.read_back import Parts, ReadBack, merge_bodies, no_actuators, require_joints
-from flexlink.engines.steps import run_in_steps
+from flexlink.engines.other_program import OtherProgram, cannot_load, excess_of, refuse_in_files
+from flexlink.engines.read_back import COUPLED_FIELDS, Parts, ReadBack
 from flexlink.formats.document import loaded_tip, xml_joint_names
 from flexlink.formats.urdf import LIMIT, read_urdf, to_urdf
 
 
-class PinocchioEngine(OwnElements):
-    """A chain in Pinocchio.
+class PinocchioEngine(OtherProgram):
+    """A chain in Pinocchio: its `model` and `data`, with the numbers of flexlink's custom elements as in `ReadBack`."""
 
-    Attributes
-    ----------
-    model, data
-        Pinocchio's model and its data, with gravity and armature set.
-    coordinates
-        Map between flexlink's and Pinocchio's coordinates.
-    tip
-        Index of the tip frame at which the wrench acts.
-    stiffness, rest, damping, coulomb, coulomb_width, gear
-        Joint properties read from the file, shape (n,); see `ReadBack`.
-    couplings
-        Springs and dampers between joints, of dtype `COUPLING`, read from flexlink's custom elements.
-    unspecified
-        Fields of `ReadBack` that the file does not specify.
-    prescribed
-        Joints with a prescribed motion, which the file does not contain.
-    """
-
-    name = "pinocchio"
+    name, title = "pinocchio", "Pinocchio"
     version: str = pin.__version__
 
     def __init__(self, chain: Chain) -> None:
         exported = to_urdf(chain, shapes=False)
         self._parse(exported, xml_joint_names(chain), loaded_tip(chain).name)
         self.excess = excess_of(chain, lambda: read_urdf(exported))
-        prescribed = chain.held
-        self.prescribed, self._free = np.flatnonzero(prescribed), np.flatnonzero(~prescribed)
+        self.held, self._free = np.flatnonzero(chain.held), np.flatnonzero(~chain.held)
 
     @classmethod
     def from_file(cls, file: ForeignFile) -> Self:
-        """Load a foreign URDF file; continuous joints become revolute joints with wide limits.
-
-        Raises
-        ------
-        ArgumentError
-            Pinocchio refuses the file, or it has joint types that flexlink does not support.
-        """
-        refuse_in_files("Pinocchio", file.path)
+        """Load a foreign URDF file; continuous joints become revolute joints with wide limits."""
+        refuse_in_files(cls.title, file.path)
         robot = ET.parse(file.path).getroot()
         for joint in robot.findall("joint[@type='continuous']"):
             joint.set("type", "revolute")
@@ -86,8 +59,8 @@ class PinocchioEngine(OwnElements):
         try:
             engine._parse(ET.tostring(robot, encoding="unicode"), base=file.base)
         except (ValueError, RuntimeError) as error:
-            raise ArgumentError(f"Pinocchio cannot load the file: {error}", id="engine-cannot-load") from error
-        engine.prescribed, engine._free = np.zeros(0, dtype=np.intp), np.arange(engine.n)
+            raise cannot_load("Pinocchio", "the file", error) from error
+        engine.held, engine._free = np.zeros(0, dtype=np.intp), np.arange(engine.n)
         return engine
 
     def _parse(self, text: str, names: Sequence[str] = (), tip: str = "", base: Array | None = None) -> None:
@@ -105,7 +78,7 @@ class PinocchioEngine(OwnElements):
             base = np.reshape([float(x) for x in rotation.split()], (3, 3))
         floats = () if base is None else (pin.JointModelFreeFlyer(),)
         self.model = model = pin.buildModelFromXML(text, *floats)
-        require_joints_of(model)
+        degrees = degrees_of_freedom(model)
         if model.nv > 600:  # pinocchio.Data allocates four n³ arrays for second derivatives: 7 GB
             raise ArgumentError(
                 f"{model.nv} joints: Pinocchio's data would take {32e-9 * model.nv**3:.0f} GB; at most 600 joints are "
@@ -113,7 +86,6 @@ class PinocchioEngine(OwnElements):
                 id="too-many-joints",
             )
         self.data, self.n = pin.Data(model), model.nv  # `createData` would copy the model
-        degrees = degrees_of_freedom(model)
         self.names = tuple(names or degrees)
         order = np.array([degrees[name] for name in self.names])
         self.coordinates = Coordinates(order, base, floating)
@@ -123,9 +95,9 @@ class PinocchioEngine(OwnElements):
         self.coulomb_width[[name in BASE_JOINTS for name in self.names]] = 1.0
         self.damping, self.coulomb = np.array(model.damping)[order], np.array(model.friction)[order]
         self.gear = transmissions(robot, self.names)
-        self.couplings = couplings.of_elements(robot.findall("flexlink/coupling"), self.names)
+        self.couplings = records.of_elements(robot.findall("flexlink/coupling"), self.names)
         plain = all(element is None for element in elements)
-        self.unspecified = frozenset((*not_in_urdf, *couplings.COUPLED_FIELDS) if plain else ())
+        self.unspecified = frozenset((*not_in_urdf, *COUPLED_FIELDS) if plain else ())
         if own_element is None:
             self.unspecified |= {"gravity"}
         else:
@@ -136,23 +108,16 @@ class PinocchioEngine(OwnElements):
     def read_back(self) -> ReadBack:
         """Return the arm's properties as Pinocchio has read them, with the file's springs and transmissions."""
         own = {name: getattr(self, name) for name in ("stiffness", "rest", "coulomb_width", "gear")}
-        own |= couplings.to_matrices(self.couplings, self.n)
+        own |= records.to_matrices(self.couplings, self.n)
         return read(self.model, self.coordinates, self.names, own, self.unspecified)
 
     def fill_missing(self, fields: Mapping[str, Array]) -> None:
-        """Set the fields of `ReadBack` that the file does not specify."""
-        for field, values in fields.items():
-            if field == "gravity":
-                self.model.gravity.linear = values
-            elif field == "armature":
-                self.model.armature = values[np.argsort(self.coordinates.order)]
-            elif field not in couplings.COUPLED_FIELDS:
-                setattr(self, field, np.array(values))
-        if couplings.COUPLED_FIELDS.keys() <= fields.keys():
-            self.couplings = couplings.of_matrices(fields)
-
-    def neutralize_settings(self) -> None:
-        """Do nothing, because Pinocchio has no settings that act at a given state."""
+        """Set the fields of `ReadBack` that the file does not specify, gravity and armature in the model."""
+        super().fill_missing(fields)
+        if "gravity" in fields:
+            self.model.gravity.linear = fields["gravity"]
+        if "armature" in fields:
+            self.model.armature = fields["armature"][np.argsort(self.coordinates.order)]
 
     def mass_matrix(self, q: Array) -> Array:
         """Return M(q) by the composite-rigid-body algorithm (`crba`)."""
@@ -184,28 +149,28 @@ class PinocchioEngine(OwnElements):
         return np.asarray(self.damping * qd + self._between("damping", qd) + self._friction(qd))
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
-        """Return q̈ from the articulated-body algorithm (`aba`); prescribed joints keep their rates."""
-        return self._accelerations(q, qd, tau, tip_wrench, follows=False, prescribed=np.zeros(self.n))
+        """Return q̈ from the articulated-body algorithm (`aba`); joints with a given motion keep their rates."""
+        return self.accelerations(q, qd, tau, tip_wrench, follows=False, held=np.zeros(self.n))
 
     def integrate(self, scene: Scene) -> Samples:
         """Run the scene's Runge-Kutta method as a plain loop over `aba`."""
-        return run_in_steps(self.name, fixed_steps_problem(scene), self._accelerations, self.coordinates)
+        return self.run_in_steps(fixed_steps_problem(scene))
 
-    def _accelerations(
-        self, q: Array, qd: Array, tau: Array, wrench: Array | None, *, follows: bool, prescribed: Array
+    def accelerations(
+        self, q: Array, qd: Array, tau: Array, wrench: Array | None, *, follows: bool, held: Array
     ) -> Array:
-        """Return q̈, with the accelerations `prescribed` at prescribed joints."""
+        """Return q̈, with the accelerations `held` at joints with a given motion."""
         pushed = tau if wrench is None else tau + self._wrench_torque(q, wrench, follows=follows)
         total = pushed - self.elastic_torque(q)
         total -= self.friction_torque(qd)
-        p = self.prescribed
+        p = self.held
         if len(p) == 0:
             theirs = self.coordinates
             state = theirs.position(q), theirs.rates(q, qd)
             a = pin.aba(self.model, self.data, *state, theirs.torques(q, total))
             return theirs.our_accelerations(q, qd, a)
         f, M = self._free, self.mass_matrix(q)
-        qdd, rhs = prescribed.copy(), total - self.bias_torque(q, qd) - M[:, p] @ prescribed[p]
+        qdd, rhs = held.copy(), total - self.bias_torque(q, qd) - M[:, p] @ held[p]
         qdd[f] = np.linalg.solve(M[np.ix_(f, f)], rhs[f])
         return qdd
 
@@ -230,33 +195,21 @@ def _own(elements: Sequence[ET.Element | None], key: str) -> Array:
 FREE_FLYER = "JointModelFreeFlyer"
 
 
-def require_joints_of(model: Any) -> None:
-    """Refuse a model with joints other than hinges, slides and a floating base; see `require_joints`."""
-    kinds = []
+def degrees_of_freedom(model: Any) -> dict[str, int]:
+    """Map names of supported joints to the model's numbers; a floating base has six, under flexlink's names."""
+    kinds, found = list[tuple[str, str]](), dict[str, int]()
     for name, joint in list(zip(model.names, model.joints, strict=True))[1:]:
         kind = joint.shortname()
-        known = (kind.startswith(("JointModelR", "JointModelP")) and joint.nq == joint.nv == 1) or kind == FREE_FLYER
-        kinds.append((name, "" if known else kind))
-    require_joints(kinds)
-
-
-def degrees_of_freedom(model: Any) -> dict[str, int]:
-    """Map joint names to the model's numbers; a floating base has six, under flexlink's names."""
-    found = dict[str, int]()
-    for name, joint in list(zip(model.names, model.joints, strict=True))[1:]:
-        names = BASE_JOINTS if joint.shortname() == FREE_FLYER else (name,)
+        plain = kind.startswith(("JointModelR", "JointModelP")) and joint.nq == joint.nv == 1
+        kinds.append((name, "" if plain or kind == FREE_FLYER else kind))
+        names = BASE_JOINTS if kind == FREE_FLYER else (name,)
         found |= {each: joint.idx_v + k for k, each in enumerate(names)}
+    records.require_joints(kinds)
     return dict(sorted(found.items(), key=lambda pair: pair[1]))
 
 
 def transmissions(robot: ET.Element, names: Sequence[str]) -> Array:
-    """Return the reduction of every joint's <transmission>, 0 if it has none, shape (n,).
-
-    Raises
-    ------
-    ArgumentError
-        A reduction is not a number.
-    """
+    """Return the reduction of every joint's <transmission>, 0 if it has none, shape (n,)."""
     gear = dict.fromkeys(names, 0.0)
     for element in robot.findall("transmission"):
         reduction = element.findtext(".//mechanicalReduction") or "1"
@@ -292,27 +245,21 @@ def read(
     inertias = [np.array([getattr(link, part) for link in model.inertias]) for part in ("mass", "lever", "inertia")]
     (p, R), (masses, levers, I) = places, inertias
     points = p[joints]
-    bodies = merge_bodies(last, masses, p + np.einsum("bij,bj->bi", R, levers), R @ I @ R.mT, points)
+    bodies = records.merge_bodies(last, masses, p + np.einsum("bij,bj->bi", R, levers), R @ I @ R.mT, points)
     most = np.array(model.upperEffortLimit)
-    most[(most <= 0) | (most >= float(LIMIT["effort"]))] = (
-        np.inf
-    )  # URDF requires a number; 0 or a huge value means no limit
+    most[(most <= 0) | (most >= float(LIMIT["effort"]))] = np.inf  # as URDF requires a number where there is no limit
+    # links that joints move; other links are fixed to them
+    links = {frame.parentJoint: frame.name for frame in reversed(model.frames) if frame.type == pin.FrameType.BODY}
     nothing: dict[str, Any] = {name: np.zeros_like(values) for name, values in own.items()}
     record = ReadBack(
         names=("",) * n, parents=parents, axes=axes, points=points, frames=R[joints], slides=slides,
         **bodies | {"parts": _parts(model, R, last)},
-        **nothing | no_actuators(n) | {"effort": np.stack([-most, most], axis=1)},
+        **nothing | records.no_actuators(n) | {"effort": np.stack([-most, most], axis=1)},
         damping=np.array(model.damping), coulomb=np.array(model.friction), armature=np.array(model.armature),
         gravity=np.array(model.gravity.linear), tip=_tip(model, data), unspecified=unspecified,
-        bodies=tuple(_bodies(model)[k] for k in joints),
+        bodies=tuple(links.get(k, "") for k in joints),
     )  # fmt: skip
-    return dataclasses.replace(record.in_order(theirs.order), names=tuple(names), **own)
-
-
-def _bodies(model: Any) -> dict[int, str]:
-    """Return the name of the link that each joint moves, by the joint's number; other links are fixed to it."""
-    bodies = {frame.parentJoint: frame.name for frame in reversed(model.frames) if frame.type == pin.FrameType.BODY}
-    return dict.fromkeys(range(model.njoints), "") | bodies
+    return record.in_order(theirs.order, names=tuple(names), **own)
 
 
 def _parts(model: Any, R: Array, last: Indices) -> Parts:

@@ -7,8 +7,9 @@ point along its axis.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
+from xml.etree import ElementTree as ET
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,22 +21,15 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.products import cross
 from flexlink.common.types import Array
 from flexlink.dynamics.placement import frames
-from flexlink.engines.couplings import COUPLED_FIELDS, of_matrices, to_matrices
 from flexlink.formats.document import loaded_tip, tips
-from flexlink.kernels.layout import BODY, SLIDES
+from flexlink.kernels.layout import BODY, COUPLING, SLIDES
 
 Indices = NDArray[np.intp]
 
 AXIS_FIELDS = ("axes", "points")
 BODY_FIELDS = ("masses", "centers", "inertias")
-JOINT_FIELDS = (
-    "stiffness",
-    "rest",
-    "damping",
-    "coulomb",
-    "coulomb_width",
-    "armature",
-)  # also fields of `HINGE`
+JOINT_FIELDS = ("stiffness", "rest", "damping", "coulomb", "coulomb_width", "armature")  # also fields of `HINGE`
+COUPLED_FIELDS = {"coupled_stiffness": "stiffness", "coupled_damping": "damping"}  # and their fields in `COUPLING`
 ACTUATOR_FIELDS = ("gear", "servo_stiffness", "servo_damping", "constant_torque", "effort")
 
 
@@ -48,86 +42,43 @@ class Parts(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class ReadBack:
-    """Joints and bodies in an engine; body k is everything rigidly attached to joint k.
+    """Joints and bodies in an engine, in its order; body k is everything rigidly attached to joint k.
 
-    Attributes
-    ----------
-    names
-        Joint names in the engine's order.
-    parents
-        Parent joint of each joint, −1 for the base, shape (n,).
-    slides
-        Which joints are prismatic, shape (n,); the joints of a floating base are the first six.
-    axes, points
-        Unit vectors of the axes and points on them [m], shape (n, 3).
-    frames
-        Rotations into frame 0 from the frames in which the file specifies the axes, shape (n, 3, 3).
-    masses, centers, inertias
-        Masses [kg], (n,), centres of mass [m], (n, 3), and central inertias [kg m²], (n, 3, 3). The centre of a
-        massless body is the joint's point.
-    parts
-        Inertias of the individual bodies, before merging.
-    stiffness, rest, damping, coulomb, coulomb_width, armature
-        As in `HINGE`, shape (n,); 0 where a setting disables springs or dampers.
-    coupled_stiffness, coupled_damping
-        K_ij [N m/rad] and D_ij [N m s/rad] of springs and dampers between two joints, symmetric, 0 on the diagonal,
-        shape (n, n).
-    gear
-        Torque of a motor for a command of 1 [N m], or angle of a servo for a command of 1 [rad]; 0: no actuator, (n,).
-    servo_stiffness, servo_damping, constant_torque
-        −∂T/∂q [N m/rad], −∂T/∂q̇ [N m s/rad] and T [N m] of the actuators for zero command, shape (n,).
-    effort
-        Smallest and largest torque [N m], shape (n, 2); infinite without a limit.
-    gravity
-        Gravity [m/s²], shape (3,).
-    tip
-        Origin of the frame named "tip" [m], shape (3,); None if there is none.
-    tip_on
-        Joint to which the tip of a chain is attached; None: the last joint.
-    unspecified
-        Fields that the file does not specify, for example springs in a URDF; they are not compared.
-    settings
-        Active settings, named as in `diagnosis/data/mistakes.toml`, and their values as text.
-    integrator, step
-        MuJoCo's name of the file's integrator, and the time step [s]; None if the file specifies none.
-    bodies
-        Name of the body that each joint moves, in flexlink the link's; several joints may move one body.
-    drive_range
-        Smallest and largest torque that the drive of a scene may command [N m], shape (n, 2).
+    Arrays have one row per joint. The joints of a floating base are the first six.
     """
 
     names: tuple[str, ...]
-    parents: Indices
-    axes: Array
-    points: Array
-    frames: Array
-    masses: Array
-    centers: Array
-    inertias: Array
-    parts: Parts
-    slides: NDArray[np.bool_]
-    stiffness: Array
+    parents: Indices  # parent joint of each joint, −1 for the base
+    axes: Array  # unit vectors of the axes, and
+    points: Array  # points on them [m], shape (n, 3)
+    frames: Array  # rotations into frame 0 from the frames in which the file specifies the axes, shape (n, 3, 3)
+    masses: Array  # [kg]
+    centers: Array  # centres of mass [m], shape (n, 3); that of a massless body is the joint's point
+    inertias: Array  # central inertias [kg m²], shape (n, 3, 3)
+    parts: Parts  # inertias of the individual bodies, before merging
+    slides: NDArray[np.bool_]  # which joints are prismatic
+    stiffness: Array  # this and the next five as in `HINGE`; 0 where a setting disables springs or dampers
     rest: Array
     damping: Array
     coulomb: Array
     coulomb_width: Array
     armature: Array
-    coupled_stiffness: Array
-    coupled_damping: Array
-    gear: Array
-    servo_stiffness: Array
-    servo_damping: Array
-    constant_torque: Array
-    effort: Array
-    gravity: Array
-    tip: Array | None = None
-    tip_on: int | None = None
-    unspecified: frozenset[str] = frozenset()
-    settings: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    integrator: str = ""
-    step: float | None = None
-    drive_range: Array | None = None
-    bodies: tuple[str, ...] = ()
+    coupled_stiffness: Array  # K_ij [N m/rad] and
+    coupled_damping: Array  # D_ij [N m s/rad] between two joints, symmetric, 0 on the diagonal, shape (n, n)
+    gear: Array  # torque of a motor [N m], or angle of a servo [rad], for a command of 1; 0: no actuator
+    servo_stiffness: Array  # −∂T/∂q [N m/rad] of the actuators for zero command,
+    servo_damping: Array  # −∂T/∂q̇ [N m s/rad], and
+    constant_torque: Array  # T [N m]
+    effort: Array  # smallest and largest torque [N m], shape (n, 2); infinite without a limit
+    gravity: Array  # [m/s²], shape (3,)
+    tip: Array | None = None  # origin of the frame named "tip" [m], shape (3,)
+    tip_on: int | None = None  # joint to which the tip of a chain is attached; None: the last joint
+    unspecified: frozenset[str] = frozenset()  # fields that the file does not specify; they are not compared
+    settings: Mapping[str, str] = dataclasses.field(default_factory=dict)  # active settings, see `mistakes.toml`
+    integrator: str = ""  # MuJoCo's name of the file's integrator
+    step: float | None = None  # time step of the file [s]
+    drive_range: Array | None = None  # smallest and largest torque that a scene's drive may command [N m], shape (n, 2)
+    bodies: tuple[str, ...] = ()  # name of the body that each joint moves, in flexlink the link's
 
     def __repr__(self) -> str:
         return f"<ReadBack: {self.n} joints, {self.masses.sum():.6g} kg>"
@@ -137,51 +88,41 @@ class ReadBack:
         """Number of joints."""
         return len(self.names)
 
-    def in_order(self, order: Indices) -> ReadBack:
-        """Return the record in another order: joint and body k are the original joint and body `order[k]`."""
-        of_joints = (*AXIS_FIELDS, "frames", "slides", *BODY_FIELDS, *JOINT_FIELDS, *ACTUATOR_FIELDS)
+    def in_order(self, order: Indices, bodies: Indices | None = None, **fields: Any) -> ReadBack:
+        """Return the record in another order: joint k is the original joint `order[k]`, body k is body `bodies[k]`.
+
+        By default, bodies follow their joints. Other `fields` are replaced.
+        """
+        bodies = order if bodies is None else bodies
         place = np.append(np.argsort(order), -1)  # the base, −1, stays −1
-        fields: dict[str, Any] = {field: getattr(self, field)[order] for field in of_joints}
-        fields |= {field: getattr(self, field)[np.ix_(order, order)] for field in COUPLED_FIELDS}
-        fields["parts"] = self.parts._replace(owner=place[self.parts.owner])
-        fields |= {field: tuple(getattr(self, field)[k] for k in order) for field in ("names", "bodies")}
-        return dataclasses.replace(self, parents=place[self.parents[order]], **fields)
+        of_joints = (*AXIS_FIELDS, "frames", "slides", *JOINT_FIELDS, *ACTUATOR_FIELDS)
+        moved: dict[str, Any] = {field: getattr(self, field)[order] for field in of_joints}
+        moved |= {field: getattr(self, field)[bodies] for field in BODY_FIELDS}
+        moved |= {field: getattr(self, field)[np.ix_(order, order)] for field in COUPLED_FIELDS}
+        moved |= {field: tuple(getattr(self, field)[k] for k in order) for field in ("names", "bodies")}
+        moved["parents"] = place[self.parents[order]]
+        moved["parts"] = self.parts._replace(owner=np.argsort(bodies)[self.parts.owner])
+        return dataclasses.replace(self, **moved | fields)
 
     def require_sound(self) -> None:
-        """Check that the values the engine has read are valid.
-
-        Raises
-        ------
-        ArgumentError
-            A number is not finite, or an axis is not a unit vector; the message names the joint.
-        """
+        """Check that all numbers are finite, and that axes are unit vectors."""
         for field in (*AXIS_FIELDS, *BODY_FIELDS, *JOINT_FIELDS, *COUPLED_FIELDS, *ACTUATOR_FIELDS[:-1]):
             rows = getattr(self, field).reshape(self.n, -1)
-            bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))
-            if len(bad):
-                values = rows[bad[0]]
-                shown = values[~np.isfinite(values)][0] if field in COUPLED_FIELDS else values
-                raise ArgumentError(
-                    f"{field} of joint {self.names[bad[0]]!r}: the engine read {shown}; must be finite",
-                    id="number-in-file",
-                )
-        if np.isnan(self.effort).any():
-            k = int(np.flatnonzero(np.isnan(self.effort).any(axis=1))[0])
-            raise ArgumentError(
-                f"torque limit of joint {self.names[k]!r}: the engine read {self.effort[k]}; must be numbers",
-                id="number-in-file",
-            )
+            for k in np.flatnonzero(~np.isfinite(rows).all(axis=1)):
+                shown = rows[k][~np.isfinite(rows[k])][0] if field in COUPLED_FIELDS else rows[k]
+                raise _refused(f"{field} of joint {self.names[k]!r}", shown, "finite")
+        for k in np.flatnonzero(np.isnan(self.effort).any(axis=1)):
+            raise _refused(f"torque limit of joint {self.names[k]!r}", self.effort[k], "numbers")
         if self.gravity.shape != (3,) or not np.isfinite(self.gravity).all():
-            raise ArgumentError(
-                f"gravity: the engine read {self.gravity}; must be three finite numbers", id="number-in-file"
-            )
+            raise _refused("gravity", self.gravity, "three finite numbers")
         lengths = np.linalg.norm(self.axes, axis=1)
-        k = int(np.abs(lengths - 1).argmax())
-        if abs(lengths[k] - 1) > 1e-9:
-            raise ArgumentError(
-                f"axis of joint {self.names[k]!r}: the engine read a vector of length {lengths[k]:.6g}; must be 1",
-                id="number-in-file",
-            )
+        worst = int(np.abs(lengths - 1).argmax())
+        if abs(lengths[worst] - 1) > 1e-9:
+            raise _refused(f"axis of joint {self.names[worst]!r}", f"a vector of length {lengths[worst]:.6g}", "1")
+
+
+def _refused(what: str, value: object, allowed: str) -> ArgumentError:
+    return ArgumentError(f"{what}: the engine read {value}; must be {allowed}", id="number-in-file")
 
 
 def no_limits(n: int) -> Array:
@@ -195,17 +136,9 @@ def no_actuators(n: int) -> dict[str, Any]:
 
 
 def require_joints(joints: Sequence[tuple[str, str]]) -> None:
-    """Refuse joints other than hinges, slides and the free joint of a floating base.
+    """Refuse joints other than hinges, slides and a floating base, and files without joints.
 
-    Parameters
-    ----------
-    joints
-        Name of every movable joint, and its type if it is not supported, else "".
-
-    Raises
-    ------
-    ArgumentError
-        A joint has an unsupported type, or there is no joint.
+    `joints` are the name of every movable joint, and its type if it is not supported, else "".
     """
     for name, kind in joints:
         if kind:
@@ -304,3 +237,43 @@ def _frame(axis: Array) -> Array:
     x = cross(np.eye(3)[np.argmin(np.abs(axis))], axis)
     x /= np.linalg.norm(x)
     return np.stack([x, cross(axis, x), axis], axis=1)
+
+
+# Springs and dampers between two joints: records have matrices, adapters arrays of dtype `COUPLING`.
+
+
+def to_matrices(couplings: NDArray[np.void], n: int) -> dict[str, Array]:
+    """Return `COUPLED_FIELDS` of n joints: symmetric K_ij and D_ij with zero diagonal, shape (n, n)."""
+    fields = {field: np.zeros((n, n)) for field in COUPLED_FIELDS}
+    for field, matrix in fields.items():
+        i, j = couplings["inner"], couplings["outer"]
+        matrix[i, j] = matrix[j, i] = couplings[COUPLED_FIELDS[field]]
+    return fields
+
+
+def of_matrices(fields: Mapping[str, Array]) -> NDArray[np.void]:
+    """Convert the matrices `COUPLED_FIELDS` to a list of couplings."""
+    K, D = (fields[field] for field in COUPLED_FIELDS)
+    inner, outer = np.nonzero(np.triu((K != 0) | (D != 0), 1))
+    couplings = np.zeros(len(inner), COUPLING)
+    couplings["inner"], couplings["outer"] = inner, outer
+    couplings["stiffness"], couplings["damping"] = K[inner, outer], D[inner, outer]
+    return couplings
+
+
+def of_elements(elements: Iterable[ET.Element], joints: Sequence[str]) -> NDArray[np.void]:
+    """Return the couplings that flexlink's elements in a file specify; couplings of the same joint pair add up."""
+    number, found = {name: k for k, name in enumerate(joints)}, dict[tuple[int, int], Array]()
+    for element in elements:
+        ends = [element.get(key, "") for key in ("inner", "outer")]
+        i, j = sorted(number.get(name, -1) for name in ends)
+        if i < 0 or i == j:
+            raise ArgumentError(
+                f"coupling of {ends[0]!r} and {ends[1]!r}: expected two joints of the file", id="coupling-in-file"
+            )
+        try:
+            constants = np.array([float(element.get(key, "")) for key in COUPLED_FIELDS.values()])
+        except ValueError as error:
+            raise ArgumentError(f"coupling of {ends[0]!r} and {ends[1]!r}: {error}", id="coupling-in-file") from None
+        found[i, j] = found.get((i, j), 0.0) + constants
+    return np.array([(*pair, *constants) for pair, constants in found.items()], dtype=COUPLING)

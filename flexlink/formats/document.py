@@ -18,6 +18,7 @@ from flexlink.chain.shapes import refuse_shapes
 from flexlink.common.products import dot, product
 from flexlink.common.types import Array
 from flexlink.describe.arm import BASE
+from flexlink.kernels.layout import SLIDES
 
 UPPER_TRIANGLE = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 ROTATION_SPRINGS = "rotation_springs"
@@ -128,6 +129,16 @@ def rotation_springs(chain: Chain) -> dict[str, str]:
 def limits(hinge: np.void) -> dict[str, str]:
     """Return the finite limits of a hinge [rad, m], by name."""
     return {name: decimals([hinge[name]]) for name in ("lower", "upper") if np.isfinite(hinge[name])}
+
+
+def axis_text(hinge: np.void) -> str:
+    """Return the axis about which a hinge turns, or along which it slides."""
+    return decimals(np.eye(3)[hinge["axis"] % SLIDES])
+
+
+def moments_text(body: np.void) -> dict[str, str]:
+    """Return moments and products of inertia of a body, by name."""
+    return {name: decimals([body["inertia"][place]]) for name, place in UPPER_TRIANGLE.items()}
 
 
 def exact_rotation(rotation: Array) -> dict[str, str]:

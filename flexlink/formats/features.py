@@ -88,25 +88,7 @@ FEATURES = _features()
 
 
 def unsupported(scene: Scene, chain: Chain, *, format: str) -> dict[str, str]:
-    """Return the features of a scene that a format cannot represent, and what happens instead.
-
-    Parameters
-    ----------
-    scene, chain
-        The scene and its chain, from `lump`.
-    format
-        Name of a format, "urdf", "mjcf" or "sdf".
-
-    Returns
-    -------
-    dict
-        Maps each feature to what happens instead. Empty if the file represents the complete scene.
-
-    Raises
-    ------
-    ArgumentError
-        The format is unknown.
-    """
+    """Return the features of a scene, and of its chain, that a format cannot represent, and what happens instead."""
     require_one_of("format", format, dict.fromkeys(("urdf", "mjcf", "sdf")))
     return {
         name: instead[format]

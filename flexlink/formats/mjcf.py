@@ -34,32 +34,9 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.products import product
 from flexlink.common.types import Array, Indices
 from flexlink.describe.arm import BASE
-from flexlink.formats.document import (
-    UPPER_TRIANGLE,
-    WIDE,
-    Capsule,
-    Tip,
-    base_joints,
-    capsules_behind,
-    colours,
-    decimals,
-    limits,
-    names_text,
-    rotation_springs,
-    text,
-    tips,
-    tree_attributes,
-    valid,
-    xml_joint_names,
-    xml_link_names,
-)
-from flexlink.formats.principal import (
-    SMALLEST,
-    _inertial,
-    _largest_possible,
-    _principal,
-    _require_loadable,
-)
+from flexlink.formats import document
+from flexlink.formats.document import UPPER_TRIANGLE, WIDE, Capsule, Tip, decimals, valid
+from flexlink.formats.principal import SMALLEST, _inertial, _largest_possible, _principal, _require_loadable
 from flexlink.kernels.layout import BODY, HINGE, SLIDES
 
 JOINT_ATTRIBUTES = {
@@ -119,7 +96,10 @@ def to_mjcf(
     """
     most_bodies = 490  # MuJoCo's XML parser stops at 500 nested elements
     refuse_states(require_type("chain", chain, Chain), "no file represents it")
-    if (nested := _nested(chain)) > most_bodies:
+    depth = [0]
+    for parent in chain.bodies["parent"].tolist():
+        depth.append(1 + depth[parent])
+    if (nested := max(depth)) > most_bodies:
         raise ArgumentError(
             f"{chain.name}: {nested} bodies: MuJoCo reads at most {most_bodies}; use fewer segments, or URDF",
             id="too-many-joints",
@@ -136,16 +116,16 @@ def to_mjcf(
     ET.SubElement(option, "flag", dict.fromkeys(disabled, "disable"))
     ET.SubElement(root, "size", nuser_jnt=str(len(USER_FIELDS) + len(Coordinate._fields)))
     own = ET.SubElement(root, "custom")
-    ET.SubElement(own, "text", name="flexlink.links", data=names_text(chain.link_names))
+    ET.SubElement(own, "text", name="flexlink.links", data=document.names_text(chain.link_names))
     ET.SubElement(own, "text", name="flexlink.user", data=" ".join([*USER_FIELDS, "coordinate"]))
-    for key, value in (rotation_springs(chain) | tree_attributes(chain)).items():
+    for key, value in (document.rotation_springs(chain) | document.tree_attributes(chain)).items():
         ET.SubElement(own, "text", name=f"flexlink.{key}", data=value)
     if require_bool("shapes", shapes):
         asset = ET.SubElement(root, "asset")
-        for name, rgba in colours(chain):
+        for name, rgba in document.colours(chain):
             ET.SubElement(asset, "material", name=name, rgba=rgba)
     _bodies(ET.SubElement(root, "worldbody"), chain, own, shapes)
-    joints = xml_joint_names(chain)
+    joints = document.xml_joint_names(chain)
     add_tendons(root, chain, joints)
     motors = ET.SubElement(root, "actuator")
     for k in chain.active:
@@ -153,7 +133,7 @@ def to_mjcf(
     if initial is not None:
         _keyframe(ET.SubElement(root, "keyframe"), chain, initial)
     option.set("timestep", decimals([_safe_step(chain) if timestep is None else positive("timestep", timestep)]))
-    return text(root)
+    return document.text(root)
 
 
 def depth_first(chain: Chain) -> Indices:
@@ -170,21 +150,14 @@ def depth_first(chain: Chain) -> Indices:
     return np.array(order, dtype=np.intp)
 
 
-def _nested(chain: Chain) -> int:
-    """Return the largest nesting depth of the bodies."""
-    depth = [0]
-    for parent in chain.bodies["parent"].tolist():
-        depth.append(1 + depth[parent])
-    return max(depth)
-
-
 def _bodies(world: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> None:
     """Write nested bodies and tips; exact values of numbers that MJCF rounds are added to `own`."""
-    joints, links, shown = xml_joint_names(chain), xml_link_names(chain), capsules_behind(chain) if shapes else {}
-    hinges, ends = _without_tendons(chain), dict(zip(chain.tips.values(), tips(chain), strict=True))
+    joints, links = document.xml_joint_names(chain), document.xml_link_names(chain)
+    shown = document.capsules_behind(chain) if shapes else {}
+    hinges, ends = _without_tendons(chain), dict(zip(chain.tips.values(), document.tips(chain), strict=True))
     for k in sorted({*chain.couplings["inner"].tolist(), *chain.couplings["outer"].tolist()}):
         _exact(own, f"springs.{joints[k]}", *(chain.hinges[k][field] for field in SHARED))
-    opened, floats, axes = [(world, HERE, list[_Hinge]())], base_joints(chain), chain.hinges["axis"] % SLIDES
+    opened, floats, axes = [(world, HERE, list[_Hinge]())], document.base_joints(chain), chain.hinges["axis"] % SLIDES
     turns = _turning(chain)
     for b, body in enumerate(chain.bodies):
         parent, frame, waiting = opened[body["parent"]]
@@ -209,7 +182,7 @@ def _bodies(world: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> N
             parent = _body(parent, links[body["stop"]], frame)
             moments, principal = _principal(body)
             if not turns[b] and moments.min() < SMALLEST:
-                moments, principal = stand_in(body["mass"]), np.eye(3)
+                moments, principal = np.full(3, 0.01 * float(body["mass"])), np.eye(3)  # arbitrary, as it never turns
             _require_loadable(chain, body, moments)
             moments = np.minimum(moments, _largest_possible(moments))  # removes the rounding error of a disc's moments
             _inertial(parent, body, moments, principal)
@@ -233,16 +206,11 @@ def _turning(chain: Chain) -> list[bool]:
     return turns[1:]
 
 
-def stand_in(mass: float) -> Array:
-    """Return arbitrary moments of inertia [kg m²] for a body that has no inertia and does not rotate."""
-    return np.full(3, float(mass) * 0.01)
-
-
 def _require_one_way(chain: Chain, body: np.void, waiting: list[_Hinge]) -> None:
     """Refuse hinges at a massless point unless exactly one body follows, because they are written in this body."""
     if not waiting:
         return
-    name = xml_joint_names(chain)[waiting[0].k]
+    name = document.xml_joint_names(chain)[waiting[0].k]
     if body["first"] == body["stop"]:
         raise ArgumentError(
             f"joint {name!r} moves no mass, which MuJoCo refuses; add mass, or use URDF", id="joint-without-inertia"
@@ -271,7 +239,7 @@ def _keyframe(parent: ET.Element, chain: Chain, initial: tuple[ArrayLike, ArrayL
     if len(state) != 2:
         raise ArgumentError(f"initial has {len(state)} items: expected q and qd", id="wrong-shape")
     q, qd = (vector(f"initial[{k}]", value, chain.n) for k, value in enumerate(state))
-    order, own = depth_first(chain), base_joints(chain)
+    order, own = depth_first(chain), document.base_joints(chain)
     q, qd, place, rates = q[order], qd[order], q[:own], qd[:own]
     if own:  # position and quaternion; velocity in axes of frame 0 and spin in axes of the base
         R = product(chain.bodies["rotation"][1], rotations_of(place[3:]))
@@ -320,7 +288,7 @@ class _Hinge:
         placed = {"axis": decimals(self.axis), "pos": decimals(self.pos)}
         numbers = {key: decimals([hinge[field]]) for key, field in JOINT_ATTRIBUTES.items()}
         own = {"user": decimals([*(hinge[field] for field in USER_FIELDS), *coordinate])}
-        if ends := limits(hinge):  # MuJoCo does not enforce them
+        if ends := document.limits(hinge):  # MuJoCo does not enforce them
             own |= {"range": " ".join((WIDE | ends).values()), "limited": "false"}
         kind = "slide" if hinge["axis"] >= SLIDES else "hinge"
         ET.SubElement(body, "joint", {"name": name, "type": kind} | placed | numbers | own)
@@ -370,13 +338,7 @@ def add_tendons(root: ET.Element, chain: Chain, joints: Sequence[str]) -> None:
 
 
 def diagonal_remainder(chain: Chain, field: str) -> Array:
-    """Return K_ii − Σ_j |K_ij| for `field` "stiffness", or D_ii − Σ_j |D_ij| for "damping", shape (n,).
-
-    Raises
-    ------
-    ArgumentError
-        A value is negative; the message names the joint and its link.
-    """
+    """Return K_ii − Σ_j |K_ij| for `field` "stiffness", or D_ii − Σ_j |D_ij| for "damping", shape (n,)."""
     own, taken, value = chain.hinges[field], np.zeros(chain.n), np.abs(chain.couplings[field])
     for end in ("inner", "outer"):
         np.add.at(taken, chain.couplings[end], value)

@@ -17,9 +17,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.products import dot
 from flexlink.common.types import Array
 from flexlink.describe.rigid_body import ROUNDING
-from flexlink.formats.document import (
-    decimals,
-)
+from flexlink.formats.document import decimals
 
 
 def principal_axes(inertia: Array) -> tuple[Array, Array]:

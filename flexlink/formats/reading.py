@@ -1,4 +1,9 @@
-"""Build a chain from the hinges, tip frames and springs in a file that flexlink has written, which is read strictly."""
+"""Build a chain from the hinges, tip frames and springs in a file that flexlink has written, which is read strictly.
+
+Its numbers may have been edited. The chain that was read is written again. Any difference from the file beyond rounding
+is an error that names the difference, such as an unknown element, another structure, or a rotation that contradicts the
+exact rotation next to it.
+"""
 
 from __future__ import annotations
 
@@ -24,14 +29,7 @@ from flexlink.common.safe_xml import numbers_of, parse
 from flexlink.common.types import Array
 from flexlink.describe.arm import BASE
 from flexlink.formats.document import ROTATION_SPRINGS, UPPER_TRIANGLE, WIDE
-from flexlink.kernels.layout import COUPLING, HINGE, SPRINGS
-
-# Common parts of the readers: elements that report their location, strict numbers, and a check for ignored content.
-#
-# The readers accept files written by flexlink, whose numbers may have been edited. The chain that was read is written
-# again. Any difference from the file beyond rounding is an error that names the difference, such as an unknown element,
-# another structure, or a rotation that contradicts the exact rotation next to it.
-
+from flexlink.kernels.layout import COUPLING, HINGE, SLIDES, SPRINGS
 
 ROUNDING = 1e-14  # rounding error of angles and quaternions, which depends on the machine's mathematical library
 
@@ -84,22 +82,21 @@ class Node:
         return self.numbers(1, key)[0]
 
     def rotation(self, key: str) -> Array:
-        """Return R, row by row, from a custom attribute; the identity without it."""
-        return np.eye(3) if self.element.get(key) is None else self.rotation_matrix(self.numbers(9, key))
-
-    def rotation_matrix(self, values: Sequence[float]) -> Array:
-        """Return R from its nine elements and check that it is a rotation matrix, not a stretched one."""
+        """Return R, row by row, from a custom attribute, a rotation without stretching; by default the identity."""
+        if self.element.get(key) is None:
+            return np.eye(3)
+        values = self.numbers(9, key)
         R = np.reshape(values, (3, 3))
         tolerance = 1e-13  # rounding error of a product of a hundred rotations
         if np.abs(R @ R.T - np.eye(3)).max() > tolerance or np.linalg.det(R) < 0:
             raise self.error(f"{list(values)}: not a rotation matrix")
         return R
 
-    def unit_axis(self, values: Sequence[float]) -> int:
-        """Return 0, 1 or 2 for X, Y or Z."""
+    def unit_axis(self, values: Sequence[float], kind: str) -> int:
+        """Return the axis of a joint of this type as in `HINGE`: X, Y or Z."""
         for axis, unit in enumerate(np.eye(3).tolist()):
             if list(values) == unit:
-                return axis
+                return axis + SLIDES * (kind == "prismatic")
         raise self.error(f"axis {values}: expected X, Y or Z")
 
     def names(self, key: str) -> tuple[str, ...]:
@@ -241,39 +238,28 @@ def chain_of(
 ) -> Chain:  # fmt: skip
     """Build the chain from hinges, base, tip frames and springs between hinges.
 
-    Parameters
-    ----------
-    root
-        The root element; errors name it.
-    own, prefix
-        The element with flexlink's custom attributes, and the prefix of their names. They are the rotation of a
-        floating base, the loaded link (`document.tree_attributes`) and rotation-vector springs (`rotation_springs`).
-    gravity, links, hinges, ends
-        As read from the file; `hinges` does not include the hinges of a floating base.
-    body
-        Mass of a floating base.
-    coupled
-        Custom elements written by `document.couplings`.
-
-    Raises
-    ------
-    DataFileError
-        There is no hinge or no tip, two hinges have the same coordinate, the parent of a hinge or tip does not
-        precede it, a mass, spring or damper is negative, M is indefinite, or a spring between hinges is stiffer than
-        the geometric mean of the hinges' own springs.
+    `own` is the element with flexlink's custom attributes of `document.tree_attributes` and `rotation_springs`, whose
+    names have a `prefix`, and `coupled` are elements of `document.couplings`. `body` is the mass of a floating base,
+    whose hinges are not among the `hinges`.
     """
     floats = own.element.get(f"{prefix}{BASE}") is not None
-    attitude = own.rotation(f"{prefix}{BASE}") if floats else None
+    attitude = own.rotation(f"{prefix}{BASE}")  # of a floating base at zero angles
     loaded = link_of(own, f"{prefix}loaded", links)
     if not hinges and not floats:
         raise root.error("no movable joint")
     for hinge in hinges:
         _require_sound(hinge)
-    base = _base_hinges() if floats else np.zeros(0, HINGE)
+    base = np.zeros(BASE_JOINTS if floats else 0, HINGE)  # without springs, friction and limits
+    if floats:
+        base["axis"], base["coulomb_width"] = BASE_AXES, 1.0
+        base["lower"], base["upper"] = -np.inf, np.inf
     coordinates = tuple(Kind.BASE.at(0, axis=k) for k in range(len(base))) + tuple(h.coordinate for h in hinges)
     if len(set(coordinates)) < len(coordinates):
         raise root.error("two joints have the same coordinate")
-    bodies, tips = _bodies(ends, hinges, _base_bodies(attitude, body))
+    half = BASE_JOINTS // 2
+    moved = Body(Pose(attitude, np.zeros(3)), half, 2 * half, 1, _rigid(body))
+    of_base = [Body(HERE, 0, half), moved] if floats else []
+    bodies, tips = _bodies(ends, hinges, of_base)
     if len(links) not in tips:
         raise root.error("the tip frame of the arm is missing: not a file written by flexlink")
     records = recorded(bodies)
@@ -285,16 +271,11 @@ def chain_of(
         axes = [*base["axis"].tolist(), *(int(hinge.numbers["axis"]) for hinge in hinges)]
         _put_rotation_springs(own, key, records, axes)
     chain = Chain(
-        name=root.attribute(f"{prefix}name"),
-        bodies=records,
-        hinges=np.append(base, np.array(numbers, dtype=HINGE)),
-        gravity=np.array(gravity),
-        coordinates=coordinates,
-        link_names=links,
-        couplings=_couplings(coupled, hinges, len(base)),
+        name=root.attribute(f"{prefix}name"), bodies=records, hinges=np.append(base, np.array(numbers, dtype=HINGE)),
+        gravity=np.array(gravity), coordinates=coordinates, link_names=links,
+        couplings=_couplings(coupled, hinges, len(base)), joints_of_links=_joints(own, f"{prefix}joints", links),
         tips={links[link - 1]: number for link, number in tips.items()},
-        joints_of_links=_joints(own, f"{prefix}joints", links),
-    )
+    )  # fmt: skip
     if np.linalg.eigvalsh(records["inertia"]).min() < -ROUNDING and (place := negative_inertia(chain)):
         raise root.error(place)
     return chain
@@ -308,24 +289,8 @@ def _joints(own: Node, key: str, links: Sequence[str]) -> tuple[str, ...]:
     return names
 
 
-def _base_hinges() -> NDArray[np.void]:
-    """Return the hinges of a floating base, without springs, friction and limits."""
-    hinges = np.zeros(BASE_JOINTS, HINGE)
-    hinges["axis"], hinges["coulomb_width"] = BASE_AXES, 1.0
-    hinges["lower"], hinges["upper"] = -np.inf, np.inf
-    return hinges
-
-
 Item = tuple[tuple[int, int], Hinge | End, Sequence[Hinge]]
 """A body to build: its sort key (by link, tips last), its first hinge or the tip, and its hinges."""
-
-
-def _base_bodies(attitude: Array | None, mass: Mass | None) -> list[Body]:
-    """Return the bodies of a floating base with this rotation at zero angles; none for a fixed base."""
-    half = BASE_JOINTS // 2
-    if attitude is None:
-        return []
-    return [Body(HERE, 0, half), Body(Pose(attitude, np.zeros(3)), half, 2 * half, 1, _rigid(mass))]
 
 
 def _bodies(ends: Sequence[End], hinges: Sequence[Hinge], base: Sequence[Body]) -> tuple[list[Body], dict[int, int]]:

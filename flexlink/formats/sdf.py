@@ -24,38 +24,10 @@ from flexlink.chain.forces import refuse_states
 from flexlink.chain.rigid import rpy_from_matrix
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
-from flexlink.formats.document import (
-    UPPER_TRIANGLE,
-    Capsule,
-    base_joints,
-    capsules_behind,
-    couplings,
-    custom_values,
-    decimals,
-    exact_rotation,
-    joint_places,
-    limits,
-    moved_links,
-    names_text,
-    other_ends,
-    rotation_springs,
-    text,
-    tips,
-    tree_attributes,
-    valid,
-)
-from flexlink.formats.reading import (
-    End,
-    Hinge,
-    Mass,
-    Node,
-    chain_of,
-    coordinate,
-    inertia_matrix,
-    link_of,
-    read,
-)
-from flexlink.kernels.layout import BODY, HINGE, SLIDES
+from flexlink.formats import document, reading
+from flexlink.formats.document import UPPER_TRIANGLE, Capsule, decimals, valid
+from flexlink.formats.reading import End, Hinge, Mass, Node
+from flexlink.kernels.layout import BODY, HINGE
 
 NAMESPACES = {"xmlns:drake": "http://drake.mit.edu", "xmlns:flexlink": "urn:flexlink"}
 DYNAMICS = {"damping": "damping", "friction": "coulomb", "spring_reference": "rest", "spring_stiffness": "stiffness"}
@@ -77,7 +49,7 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
     -------
     str
         The document: a world with gravity and one model. Joints are in sequential order, with the names of
-        `Chain.joint_names` if SDFormat allows them. Frame `tip` is the tip frame; tips of other branches are named
+        `Chain.joint_names` if SDFormat allows them. Frame `tip` is the tip frame; other tips are named
         after the links that end there. Numbers read back exactly; rotations are written as roll, pitch and yaw.
 
     Raises
@@ -97,24 +69,21 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
     sdf = ET.Element("sdf", {"version": "1.10", **NAMESPACES})
     world = ET.SubElement(sdf, "world", name=name)
     _values(world, {"gravity": decimals(chain.gravity)})
-    model = ET.SubElement(
-        world,
-        "model",
-        {"name": name, "flexlink:name": valid(chain.name), "flexlink:links": names_text(chain.link_names)},
-    )
-    attributes = rotation_springs(chain) | tree_attributes(chain)
+    attributes = {"name": valid(chain.name), "links": document.names_text(chain.link_names)}
+    attributes |= document.rotation_springs(chain) | document.tree_attributes(chain)
+    model = ET.SubElement(world, "model", name=name)
     model.attrib.update({f"flexlink:{key}": value for key, value in attributes.items()})
-    shown = capsules_behind(chain) if require_bool("shapes", shapes) else {}
-    if own := base_joints(chain):
+    shown = document.capsules_behind(chain) if require_bool("shapes", shapes) else {}
+    if own := document.base_joints(chain):
         base = ET.SubElement(model, "link", name=links[own - 1])
         _pose(base, np.zeros(3), chain.bodies["rotation"][1], {})
         _contents(base, chain.bodies[1], shown.get(own - 1, []))
-    for k, before, translation, rotation, body in joint_places(chain):
+    for k, before, translation, rotation, body in document.joint_places(chain):
         link, parent = ET.SubElement(model, "link", name=links[k]), links[before] if before >= 0 else "world"
         _pose(link, translation, rotation, {} if parent == "world" else {"relative_to": parent})
         _contents(link, np.zeros(1, BODY)[0] if body is None else body, shown.get(k, []))
         _joint(model, chain, k, joints[k], (parent, links[k]))
-    for tip, called in zip(tips(chain), frames, strict=True):
+    for tip, called in zip(document.tips(chain), frames, strict=True):
         if tip.parent < 0:
             raise ArgumentError(
                 f"link {chain.link_names[tip.link - 1]!r} does not move; SDFormat attaches frames to moving links only",
@@ -123,9 +92,9 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
         number = {"flexlink:link": str(tip.link)} if called != frames[-1] else {}
         frame = ET.SubElement(model, "frame", {"name": called, "attached_to": links[tip.parent], **number})
         _pose(frame, tip.translation, tip.rotation, {})
-    for coupling in couplings(chain, joints):
+    for coupling in document.couplings(chain, joints):
         ET.SubElement(frame, "flexlink:coupling", coupling)
-    return text(sdf)
+    return document.text(sdf)
 
 
 def sdf_names(chain: Chain) -> list[str]:
@@ -134,10 +103,10 @@ def sdf_names(chain: Chain) -> list[str]:
     Drake adds a frame `…_child` to every joint. All joints of a floating base share the link name of the base.
     """
     plain = [_allowed(valid(name)) for name in (chain.name, *chain.joint_names)]
-    joints, own = unique(["world", "", *plain[1:]])[2:], base_joints(chain)
+    joints, own = unique(["world", "", *plain[1:]])[2:], document.base_joints(chain)
     children = [f"{name}_child" for name in joints]
-    moved = [_allowed(name) for name in moved_links(chain, joints)]
-    ends = [_allowed(name) for name in other_ends(chain, moved)]
+    moved = [_allowed(name) for name in document.moved_links(chain, joints)]
+    ends = [_allowed(name) for name in document.other_ends(chain, moved)]
     others = unique([*joints, *children, "tip", *moved, "base_link", *ends])[2 * chain.n :]
     tip, links, (base, *ends) = others[0], others[1 : chain.n - own + 1], others[chain.n - own + 1 :]
     return [f"{plain[0]}_" if plain[0] == "world" else plain[0], *joints, *[base] * own, *links, *ends, tip]
@@ -155,23 +124,18 @@ def _values(parent: ET.Element, values: Mapping[str, str]) -> None:
 
 
 def _pose(parent: ET.Element, translation: Array, rotation: Array, attributes: Mapping[str, str]) -> None:
-    own = {f"flexlink:{name}": value for name, value in exact_rotation(rotation).items()}
+    own = {f"flexlink:{name}": value for name, value in document.exact_rotation(rotation).items()}
     pose = ET.SubElement(parent, "pose", {**attributes, **own})
     pose.text = decimals([*translation, *rpy_from_matrix(rotation)])
 
 
 def _contents(link: ET.Element, body: np.void, shown: list[Capsule]) -> None:
     """Write the inertia of a link and its visual shapes."""
-    _inertial(link, body)
-    for number, capsule in enumerate(shown):
-        _shape(link, capsule, f"capsule_{number + 1}" if number else "capsule")
-
-
-def _inertial(link: ET.Element, body: np.void) -> None:
     inertial = ET.SubElement(link, "inertial")
     _values(inertial, {"pose": decimals([*body["center"], 0, 0, 0]), "mass": decimals([body["mass"]])})
-    moments = {name: decimals([body["inertia"][place]]) for name, place in UPPER_TRIANGLE.items()}
-    _values(ET.SubElement(inertial, "inertia"), moments)
+    _values(ET.SubElement(inertial, "inertia"), document.moments_text(body))
+    for number, capsule in enumerate(shown):
+        _shape(link, capsule, f"capsule_{number + 1}" if number else "capsule")
 
 
 def _shape(link: ET.Element, capsule: Capsule, name: str) -> None:
@@ -184,13 +148,13 @@ def _shape(link: ET.Element, capsule: Capsule, name: str) -> None:
 
 def _joint(model: ET.Element, chain: Chain, k: int, name: str, ends: tuple[str, str]) -> None:
     hinge = chain.hinges[k]
-    own = {f"flexlink:{key}": value for key, value in custom_values(chain, k, STANDARD_FIELDS).items()}
+    own = {f"flexlink:{key}": value for key, value in document.custom_values(chain, k, STANDARD_FIELDS).items()}
     kind = chain.joint_kinds[k].name
     joint = ET.SubElement(model, "joint", {"name": name, "type": kind, **own})
     _values(joint, dict(zip(("parent", "child"), ends, strict=True)))
     axis = ET.SubElement(joint, "axis")
-    _values(axis, {"xyz": decimals(np.eye(3)[hinge["axis"] % SLIDES])})
-    limit = limits(hinge) | ({"effort": "0"} if chain.coordinates[k].axis and not hinge["armature"] else {})
+    _values(axis, {"xyz": document.axis_text(hinge)})
+    limit = document.limits(hinge) | ({"effort": "0"} if chain.coordinates[k].axis and not hinge["armature"] else {})
     if limit:
         _values(ET.SubElement(axis, "limit"), limit)
     _values(ET.SubElement(axis, "dynamics"), {key: decimals([hinge[field]]) for key, field in DYNAMICS.items()})
@@ -198,15 +162,12 @@ def _joint(model: ET.Element, chain: Chain, k: int, name: str, ends: tuple[str, 
         _values(joint, {"drake:rotor_inertia": decimals([hinge["armature"]]), "drake:gear_ratio": "1"})
 
 
-# SDFormat → Chain: read files written by `to_sdf`, without rounding errors.
-
-
 OWN = f"{{{NAMESPACES['xmlns:flexlink']}}}"  # the namespace prefix as parsers write it
 
 
 def read_sdf(text: str | bytes, *, what: str = "the SDF") -> Chain:
     """Read an SDF file written by `to_sdf` back to its chain; parameters and errors are as in `read_urdf`."""
-    return read(text, what, tag="sdf", to_chain=_chain, write=to_sdf, ignored=frozenset({"visual"}))
+    return reading.read(text, what, tag="sdf", to_chain=_chain, write=to_sdf, ignored=frozenset({"visual"}))
 
 
 def _chain(sdf: Node) -> Chain:
@@ -221,7 +182,7 @@ def _chain(sdf: Node) -> Chain:
     mass = _read_body(floating[0].one("inertial")) if floating else None
     gravity = sdf.one("world").one("gravity").numbers(3)
     coupled = model.all(f"frame/{OWN}coupling")
-    return chain_of(model, model, OWN, gravity, links, hinges, ends, mass, coupled)
+    return reading.chain_of(model, model, OWN, gravity, links, hinges, ends, mass, coupled)
 
 
 def _text(element: Node, path: str) -> str:
@@ -230,7 +191,7 @@ def _text(element: Node, path: str) -> str:
 
 def _read_end(frame: Node, links: Sequence[str], behind: Mapping[str, str]) -> End:
     parent = behind.get(frame.attribute("attached_to"), "")
-    return End(frame, link_of(frame, f"{OWN}link", links), parent, *_read_place(frame))
+    return End(frame, reading.link_of(frame, f"{OWN}link", links), parent, *_read_place(frame))
 
 
 def _read_place(element: Node) -> tuple[Array, Array]:
@@ -245,16 +206,14 @@ def _read_hinge(joint: Node, link: Node, links: Sequence[str], behind: Mapping[s
     lower, upper = joint.one("axis").all("limit/lower"), joint.one("axis").all("limit/upper")
     numbers |= {"lower": lower[0].number() if lower else -np.inf, "upper": upper[0].number() if upper else np.inf}
     rotor = joint.all(f"{{{NAMESPACES['xmlns:drake']}}}rotor_inertia")
-    slides = SLIDES * (joint.attribute("type") == "prismatic")
-    numbers |= {"axis": axis.unit_axis(axis.numbers(3)) + slides, "armature": rotor[0].number() if rotor else 0.0}
-    place = coordinate(joint, joint.numbers(3, f"{OWN}coordinate"), links)
+    numbers["axis"] = axis.unit_axis(axis.numbers(3), joint.attribute("type"))
+    numbers["armature"] = rotor[0].number() if rotor else 0.0
+    place = reading.coordinate(joint, joint.numbers(3, f"{OWN}coordinate"), links)
     parent = behind.get(_text(joint, "parent"), "")
     return Hinge(joint, parent, *_read_place(link), numbers, place, _read_body(link.one("inertial")))
 
 
 def _read_body(inertial: Node) -> Mass | None:
-    mass, I = (
-        inertial.one("mass").number(),
-        inertia_matrix([inertial.one("inertia").one(key).number() for key in UPPER_TRIANGLE]),
-    )
+    mass = inertial.one("mass").number()
+    I = reading.inertia_matrix([inertial.one("inertia").one(key).number() for key in UPPER_TRIANGLE])
     return (mass, np.array(inertial.one("pose").numbers(6)[:3]), I) if mass or I.any() else None

@@ -23,23 +23,7 @@ from flexlink.formats.document import base_joints
 def with_small_mass(chain: Chain, *, mass: float) -> Chain:
     """Return the chain with a body at every hinge; massless bodies are given the mass m and the inertia m r².
 
-    Parameters
-    ----------
-    chain
-        The chain.
-    mass
-        m [kg].
-
-    Returns
-    -------
-    Chain
-        A chain with the same coordinates; `added_inertia` bounds the change of its motion.
-
-    Raises
-    ------
-    ArgumentError
-        `mass` is not a finite number > 0, or hinges at one point have rotation-vector springs, which allow no bodies
-        between the hinges.
+    The coordinates are the same; `added_inertia` bounds the change of the motion.
     """
     if require_type("chain", chain, Chain).has_rotation_springs:
         raise ArgumentError(
@@ -55,24 +39,7 @@ def added_inertia(chain: Chain, q: ArrayLike, *, mass: float) -> float:
 
     By Rayleigh's quotient, every natural frequency is multiplied by at least 1/√(1 + δ) > 1 − δ/2.
 
-    Parameters
-    ----------
-    chain
-        The chain before `with_small_mass`.
-    q
-        Joint coordinates, shape (n,) [rad, m].
-    mass
-        As in `with_small_mass` [kg].
-
-    Returns
-    -------
-    float
-        δ; infinite if M is singular without the small masses.
-
-    Raises
-    ------
-    ArgumentError
-        `mass` is not a finite number > 0, or `q` is not n finite numbers.
+    δ is infinite if M is singular without the small masses, of which the chain has none yet.
     """
     added = _filled(require_type("chain", chain, Chain), positive("mass", mass), keep=False)
     try:

@@ -1,4 +1,4 @@
-"""Chain ↔ URDF, with one link and one revolute or prismatic joint per coordinate; the last link at a point has mass.
+"""Chain ↔ URDF, with one link and one joint of one axis per coordinate; the last link at a point has mass.
 
 A fixed base is a link without mass. A floating base has its mass but no joint. URDF has no other way to mark a base as
 floating, so the program that loads the file must be configured to let it float.
@@ -19,44 +19,14 @@ import numpy as np
 
 from flexlink.chain.arguments import require_bool, require_type
 from flexlink.chain.chain import Chain
-from flexlink.chain.coordinates import BASE_JOINTS, unique
+from flexlink.chain.coordinates import unique
 from flexlink.chain.forces import refuse_states
 from flexlink.chain.rigid import rpy_from_matrix
 from flexlink.common.types import Array
-from flexlink.formats.document import (
-    UPPER_TRIANGLE,
-    WIDE,
-    Capsule,
-    capsules_behind,
-    colours,
-    couplings,
-    custom_values,
-    decimals,
-    exact_rotation,
-    joint_places,
-    limits,
-    names_text,
-    rotation_springs,
-    text,
-    tips,
-    tree_attributes,
-    valid,
-    xml_joint_names,
-    xml_link_names,
-)
-from flexlink.formats.reading import (
-    End,
-    Hinge,
-    Mass,
-    Node,
-    chain_of,
-    coordinate,
-    inertia_matrix,
-    limits_of,
-    link_of,
-    read,
-)
-from flexlink.kernels.layout import HINGE, SLIDES
+from flexlink.formats import document, reading
+from flexlink.formats.document import UPPER_TRIANGLE, WIDE, Capsule, decimals, valid
+from flexlink.formats.reading import End, Hinge, Mass, Node
+from flexlink.kernels.layout import HINGE
 
 # Rotating joints are `revolute`, which requires limits; Pinocchio would use two coordinates for a `continuous` joint.
 LIMIT = WIDE | {"effort": "1e9", "velocity": "1e9"}
@@ -79,7 +49,7 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
     -------
     str
         The document. Joints are in sequential order, with the names of `Chain.joint_names`. Each driven joint has a
-        transmission of the same name. Link `tip` is the tip frame; tips of other branches are named after the links
+        transmission of the same name. Link `tip` is the tip frame; other tips are named after the links
         that end there. Other links are named after their joints, or, if a joint has a separate name (`Joint.name`),
         have the name of the scene's link. Numbers read back exactly; rotations are written as roll, pitch and yaw.
 
@@ -105,35 +75,40 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
     found = ", ".join(name for name, values in unheld.items() if values.any())
     if found:
         logging.getLogger(__name__).info("%s: a URDF cannot hold %s; only flexlink reads them", chain.name, found)
-    joints, links = xml_joint_names(chain), xml_link_names(chain)
+    joints, links = document.xml_joint_names(chain), document.xml_link_names(chain)
     robot = ET.Element("robot", name=valid(chain.name))
-    own = ET.SubElement(robot, "flexlink", gravity=decimals(chain.gravity), links=names_text(chain.link_names))
-    own.attrib.update(rotation_springs(chain) | tree_attributes(chain))
-    for coupling in couplings(chain, joints):
+    own = ET.SubElement(robot, "flexlink", gravity=decimals(chain.gravity), links=document.names_text(chain.link_names))
+    own.attrib.update(document.rotation_springs(chain) | document.tree_attributes(chain))
+    for coupling in document.couplings(chain, joints):
         ET.SubElement(own, "coupling", coupling)
     if require_bool("shapes", shapes):
-        for name, rgba in colours(chain):
+        for name, rgba in document.colours(chain):
             ET.SubElement(ET.SubElement(robot, "material", name=name), "color", rgba=rgba)
     base = ET.SubElement(robot, "link", name=links[0])
-    shown = capsules_behind(chain) if shapes else {}
-    if chain.has_free_base:
-        _contents(base, chain.bodies[1], shown.get(BASE_JOINTS - 1, []))
-    for k, parent, translation, rotation, body in joint_places(chain):
+    shown = document.capsules_behind(chain) if shapes else {}
+    if own_joints := document.base_joints(chain):
+        _contents(base, chain.bodies[1], shown.get(own_joints - 1, []))
+    for k, parent, translation, rotation, body in document.joint_places(chain):
         kind = chain.joint_kinds[k].name
         joint = _joint(robot, joints[k], kind, (links[parent + 1], links[k + 1]), (translation, rotation))
-        _hinge(joint, chain, k)
-        ET.SubElement(joint, "flexlink", custom_values(chain, k, STANDARD_FIELDS) | exact_rotation(rotation))
+        hinge = chain.hinges[k]
+        ET.SubElement(joint, "axis", xyz=document.axis_text(hinge))
+        ET.SubElement(joint, "limit", LIMIT | document.limits(hinge))
+        ET.SubElement(joint, "dynamics", {key: decimals([hinge[field]]) for key, field in DYNAMICS.items()})
+        ET.SubElement(
+            joint, "flexlink", document.custom_values(chain, k, STANDARD_FIELDS) | document.exact_rotation(rotation)
+        )
         _contents(ET.SubElement(robot, "link", name=links[k + 1]), body, shown.get(k, []))
-    ends = tips(chain)
+    ends = document.tips(chain)
     names = unique([*joints, "tip_joint", *(f"{tip.name}_joint" for tip in ends[:-1])])[chain.n :]
     for tip, name in zip(ends, [*names[1:], names[0]], strict=True):
         fixed = _joint(robot, name, "fixed", (links[tip.parent + 1], tip.name), (tip.translation, tip.rotation))
         number = {} if tip is ends[-1] else {"link": str(tip.link)}
-        ET.SubElement(fixed, "flexlink", number | exact_rotation(tip.rotation))
+        ET.SubElement(fixed, "flexlink", number | document.exact_rotation(tip.rotation))
         ET.SubElement(robot, "link", name=tip.name)
     for k in chain.active:
         _motor(robot, joints[k])
-    return text(robot)
+    return document.text(robot)
 
 
 def _joint(robot: ET.Element, name: str, kind: str, ends: tuple[str, str], place: tuple[Array, Array]) -> ET.Element:
@@ -145,27 +120,15 @@ def _joint(robot: ET.Element, name: str, kind: str, ends: tuple[str, str], place
     return joint
 
 
-def _hinge(joint: ET.Element, chain: Chain, k: int) -> None:
-    hinge = chain.hinges[k]
-    ET.SubElement(joint, "axis", xyz=decimals(np.eye(3)[hinge["axis"] % SLIDES]))
-    ET.SubElement(joint, "limit", LIMIT | limits(hinge))
-    ET.SubElement(joint, "dynamics", {key: decimals([hinge[field]]) for key, field in DYNAMICS.items()})
-
-
 def _contents(link: ET.Element, body: np.void | None, shown: list[Capsule]) -> None:
     """Write the inertia of a link, if it has any, and its visual shapes."""
     if body is not None:
-        _inertial(link, body)
+        inertial = ET.SubElement(link, "inertial")
+        ET.SubElement(inertial, "origin", xyz=decimals(body["center"]))
+        ET.SubElement(inertial, "mass", value=decimals([body["mass"]]))
+        ET.SubElement(inertial, "inertia", document.moments_text(body))
     for capsule in shown:
         _shape(link, capsule)
-
-
-def _inertial(link: ET.Element, body: np.void) -> None:
-    inertial = ET.SubElement(link, "inertial")
-    ET.SubElement(inertial, "origin", xyz=decimals(body["center"]))
-    ET.SubElement(inertial, "mass", value=decimals([body["mass"]]))
-    moments = {name: decimals([body["inertia"][place]]) for name, place in UPPER_TRIANGLE.items()}
-    ET.SubElement(inertial, "inertia", moments)
 
 
 def _shape(link: ET.Element, capsule: Capsule) -> None:
@@ -190,9 +153,6 @@ def _motor(robot: ET.Element, joint: str) -> None:
     ET.SubElement(ET.SubElement(transmission, "actuator", name=joint), "mechanicalReduction").text = "1"
 
 
-# URDF → Chain: read files written by `to_urdf`, without rounding errors.
-
-
 def read_urdf(text: str | bytes, *, what: str = "the URDF") -> Chain:
     """Read a URDF file written by `to_urdf` back to its chain; use `import_urdf` for other URDF files.
 
@@ -213,7 +173,9 @@ def read_urdf(text: str | bytes, *, what: str = "the URDF") -> Chain:
     DataFileError
         The file was not written by flexlink, or a number is missing, not finite, negative, or contradicts another.
     """
-    return read(text, what, tag="robot", to_chain=_chain, write=to_urdf, ignored=frozenset({"visual", "material"}))
+    return reading.read(
+        text, what, tag="robot", to_chain=_chain, write=to_urdf, ignored=frozenset({"visual", "material"})
+    )
 
 
 def _chain(robot: Node) -> Chain:
@@ -226,11 +188,13 @@ def _chain(robot: Node) -> Chain:
     ends = [_read_end(joint, links, behind) for joint in robot.all("joint[@type='fixed']")]
     coupled = own.all("coupling")
     mass, gravity = _read_body(robot.one("link")), own.numbers(3, "gravity")
-    return chain_of(robot, own, "", gravity, links, hinges, ends, mass, coupled)
+    return reading.chain_of(robot, own, "", gravity, links, hinges, ends, mass, coupled)
 
 
 def _read_end(joint: Node, links: Sequence[str], behind: Mapping[str, str]) -> End:
-    return End(joint, link_of(joint.one("flexlink"), "link", links), _parent(joint, behind), *_read_place(joint))
+    return End(
+        joint, reading.link_of(joint.one("flexlink"), "link", links), _parent(joint, behind), *_read_place(joint)
+    )
 
 
 def _parent(joint: Node, behind: Mapping[str, str]) -> str:
@@ -249,10 +213,9 @@ def _read_hinge(joint: Node, bodies: Mapping[str, Node], links: Sequence[str], b
     numbers = {key: own.number(key) for key in HINGE.names or () if key not in STANDARD_FIELDS}
     numbers |= {field: dynamics.number(key) for key, field in DYNAMICS.items()}
     axis, limit = joint.one("axis"), joint.one("limit")
-    numbers |= limits_of(limit.number("lower"), limit.number("upper"))
-    slides = joint.attribute("type") == "prismatic"
-    numbers["axis"] = axis.unit_axis(axis.numbers(3, "xyz")) + SLIDES * slides
-    place = coordinate(own, own.numbers(3, "coordinate"), links)
+    numbers |= reading.limits_of(limit.number("lower"), limit.number("upper"))
+    numbers["axis"] = axis.unit_axis(axis.numbers(3, "xyz"), joint.attribute("type"))
+    place = reading.coordinate(own, own.numbers(3, "coordinate"), links)
     parent = _parent(joint, behind)
     return Hinge(joint, parent, *_read_place(joint), numbers, place, _read_body(bodies[child]))
 
@@ -261,9 +224,5 @@ def _read_body(link: Node) -> Mass | None:
     if not link.all("inertial"):
         return None
     inertial = link.one("inertial")
-    moments = [inertial.one("inertia").number(key) for key in UPPER_TRIANGLE]
-    return (
-        inertial.one("mass").number("value"),
-        np.array(inertial.one("origin").numbers(3, "xyz")),
-        inertia_matrix(moments),
-    )
+    I = reading.inertia_matrix([inertial.one("inertia").number(key) for key in UPPER_TRIANGLE])
+    return inertial.one("mass").number("value"), np.array(inertial.one("origin").numbers(3, "xyz")), I

@@ -25,25 +25,12 @@ from flexlink.robots.paths import Part, Paths
 
 
 def assembled(
-    name: str,
-    way: Paths,
-    flexible: Mapping[str, FlexibleLink],
-    armature: Mapping[str, float],
-    gravity: Vector3,
+    name: str, way: Paths, flexible: Mapping[str, FlexibleLink], armature: Mapping[str, float], gravity: Vector3
 ) -> tuple[Scene, list[ImportedLink]]:
-    """Return the scene and its imported links; Young's moduli are not yet tuned to frequencies.
-
-    Raises
-    ------
-    DataFileError
-        A floating base has no mass, or no inertia about some axis.
-    SceneError, ArgumentError
-        As in `bent`; or an armature is negative.
-    """
+    """Return the scene and its imported links; Young's moduli are not yet tuned to frequencies."""
     names = _names(way)
     parts = list(_imported_links(way, names, flexible, armature))
-    links: list[Link] = []
-    starts: list[float] = []
+    links, starts = list[Link](), list[float]()
     for number, (part, imported) in enumerate(zip(way.parts, parts, strict=True), 1):
         links.append(_attached(imported.link, names[part.parent], links))
         starts.append(way.positions[part.joint.name])
@@ -54,15 +41,12 @@ def assembled(
     angles = tuple(0.0 if slid else math.degrees(start) for start, slid in zip(starts, slides, strict=True))
     metres = tuple(start if slid else 0.0 for start, slid in zip(starts, slides, strict=True))
     base, pose = _base(way)
+    materials = {one.link.name: one.material for one in parts if one.material is not None}
+    sections = {one.link.name: one.section for one in parts if one.section is not None}
     scene = Scene(
         name=name,
         about=f"{name} from {way.base} to {short_list([tip.link for tip in way.tips])}, imported from URDF",
-        arm=Arm(
-            links=tuple(links),
-            materials={one.link.name: one.material for one in parts if one.material is not None},
-            sections={one.link.name: one.section for one in parts if one.section is not None},
-            base=base,
-        ),
+        arm=Arm(links=tuple(links), materials=materials, sections=sections, base=base),
         gravity=gravity,
         initial=InitialState(joint_deg=angles, joint_m=metres if any(slides) else None, base=pose),
         run=RunSettings(relative_tolerance=1e-4),
@@ -128,21 +112,13 @@ def _rigid(part: Part, name: str, before: Array, armature: float) -> Link:
     x, y, z = joint.axis.tolist()
     lower, upper = joint.limits or (0.0, 0.0)
     limited = lower < upper  # in many files 0 and 0 mean no limits
-    return Link(
-        name=name,
-        mount=_mount(part.origin, before),
-        joint=Joint(
-            name=joint.name,
-            kind="revolute" if joint.turns else "prismatic",
-            axis=(x, y, z),
-            viscous=joint.damping,
-            coulomb=joint.friction,
-            armature=armature,
-            limits_deg=(math.degrees(lower), math.degrees(upper)) if limited and joint.turns else None,
-            limits_m=(lower, upper) if limited and not joint.turns else None,
-        ),
-        hub=payload(part.body),
-    )
+    moves = Joint(
+        name=joint.name, kind="revolute" if joint.turns else "prismatic", axis=(x, y, z), viscous=joint.damping,
+        coulomb=joint.friction, armature=armature,
+        limits_deg=(math.degrees(lower), math.degrees(upper)) if limited and joint.turns else None,
+        limits_m=(lower, upper) if limited and not joint.turns else None,
+    )  # fmt: skip
+    return Link(name=name, mount=_mount(part.origin, before), joint=moves, hub=payload(part.body))
 
 
 def _mount(origin: Pose, before: Array) -> Mount:

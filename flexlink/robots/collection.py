@@ -29,21 +29,15 @@ class KnownArm(Spec, frozen=True):
     tip: str | tuple[str, ...] | None = None
     """Link or links at which the arm ends. Default: all ends of the robot."""
     posture: dict[str, float] = msgspec.field(default_factory=dict)
-    """Joint positions by name [rad; m for prismatic joints]."""
+    """Joint positions by name [rad, m]."""
     locked: dict[str, float] = msgspec.field(default_factory=dict)
-    """Positions of locked joints on the path, by name [rad; m for prismatic joints]."""
+    """Positions of locked joints on the path, by name [rad, m]."""
     flexible: dict[str, FlexibleLink] = msgspec.field(default_factory=dict)
     """Flexible links, by name."""
 
     @property
     def path(self) -> Path:
-        """Path of the installed file.
-
-        Raises
-        ------
-        MissingDependencyError
-            example-robot-data is not installed, or has no such file.
-        """
+        """Path of the installed file."""
         path = folder() / self.file
         if not path.exists():
             raise MissingDependencyError(
@@ -54,13 +48,7 @@ class KnownArm(Spec, frozen=True):
 
 @functools.cache
 def folder() -> Path:
-    """Return the folder in which example-robot-data installs its robots, under the package's prefix.
-
-    Raises
-    ------
-    MissingDependencyError
-        The package is not installed, or has no robots folder.
-    """
+    """Return the folder in which example-robot-data installs its robots, under the package's prefix."""
     try:
         package = importlib.metadata.distribution(PACKAGE)
     except importlib.metadata.PackageNotFoundError:
@@ -86,13 +74,7 @@ def known_arms() -> dict[str, KnownArm]:
 
 
 def known_arm(name: str) -> KnownArm:
-    """Return the arm with this name.
-
-    Raises
-    ------
-    ArgumentError
-        There is no such arm.
-    """
+    """Return the arm with this name."""
     arms = known_arms()
     if name not in arms:
         raise ArgumentError(

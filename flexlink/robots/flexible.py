@@ -91,54 +91,35 @@ class ImportedLink(NamedTuple):
     warning: Diagnostic | None = None
 
 
-def joint_to_joint(next_origin: Array) -> tuple[Vector3, Vector3]:
-    """Return the line from a link's joint to the next joint, in the link's frame [m]."""
-    x, y, z = next_origin.tolist()
-    return (0.0, 0.0, 0.0), (x, y, z)
-
-
 def slender_mass(part: Part, next_origin: Array) -> float:
     """Return the largest mass [kg] of a thin beam from joint to joint; 0 if the joints coincide."""
-    ends = joint_to_joint(next_origin)
-    if ends[0] == ends[1]:
+    if not next_origin.any():
         return 0.0
-    line = line_of(ends, None, part.joint.axis)
+    line = line_of(_joint_to_joint(next_origin), None, part.joint.axis)
     thin = SpatialInertia(1.0, np.array([line.length / 2, 0, 0]), np.diag([0.0, 1.0, 1.0]) * line.length**2 / 12)
     return largest_mass(part.body, thin.moved(_pose(line)))
 
 
+def _joint_to_joint(next_origin: Array) -> tuple[Vector3, Vector3]:
+    x, y, z = next_origin.tolist()
+    return (0.0, 0.0, 0.0), (x, y, z)
+
+
 def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) -> ImportedLink:
-    """Make a rigid link flexible.
-
-    Parameters
-    ----------
-    part
-        The body of the link.
-    rigid
-        The rigid link.
-    flexible
-        Specification of the flexible link.
-    next_origin
-        Origin of the next joint in the link's frame [m]; the beam ends there unless `line` is given.
-
-    Raises
-    ------
-    SceneError
-        The line has no length.
-    ArgumentError
-        The link has no mass, or the beam is too heavy for it; the message states the largest possible mass.
-    """
+    """Make a rigid link flexible; without `line`, its beam ends at the origin of the next joint in its frame [m]."""
     if not part.body.mass:
         raise ArgumentError(
             f"flexible: link {truncated(part.link)}: has no mass; give it an <inertial>, or bend another link",
             id="no-mass",
         )
-    ends = flexible.line or joint_to_joint(next_origin)
+    ends = flexible.line or _joint_to_joint(next_origin)
     line = line_of(ends, flexible.up, part.joint.axis)
-    section = flexible.section or _tube(line.length)
+    outer = line.length / 10
+    section = flexible.section or Section(shape="tube", outer=outer, inner=outer * (1 - 2 / 20))
     largest = largest_mass(part.body, _prism(section, 1.0, line))
     volume = section.properties.area * line.length
-    mass = _mass(flexible, volume, largest)
+    of_material = flexible.section is not None and flexible.mass is None
+    mass = flexible.material.density * volume if of_material else flexible.mass or 0.5 * largest
     if not 0 < mass < largest * (1 - 1e-6):  # at the largest mass, the remainder is a point or a needle
         raise ArgumentError(
             f"flexible: link {truncated(part.link)}: a beam of {mass:.4g} kg does not fit into the link's mass, "
@@ -148,30 +129,16 @@ def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) ->
         )
     root, end = cut(part.body, _prism(section, mass, line), _pose(line), line.length)
     link = msgspec.structs.replace(
-        rigid,
-        line=ends,
-        up=flexible.up,
-        flex=flexible.flex,
-        segments=flexible.segments,
-        lumping=flexible.lumping,
-        damping=flexible.damping,
-        material=rigid.name,
-        section=rigid.name,
-        hub=payload(root),
+        rigid, line=ends, up=flexible.up, flex=flexible.flex, segments=flexible.segments, lumping=flexible.lumping,
+        damping=flexible.damping, material=rigid.name, section=rigid.name, hub=payload(root),
         end=payload(end.moved(Pose(np.eye(3), -np.array(ends[1])))),
-    )
+    )  # fmt: skip
     material = msgspec.structs.replace(flexible.material, density=mass / volume)
     remark = Diagnostic(
         f"{part.link}: beam of {mass:.4g} kg and {line.length:.4g} m, from the link's {part.body.mass:.4g} kg",
         "flexible-link",
     )
     return ImportedLink(link, material, section, remark, _warning(part, flexible, largest, line.length))
-
-
-def _mass(flexible: FlexibleLink, volume: float, largest: float) -> float:
-    if flexible.mass is None and flexible.section is not None:
-        return flexible.material.density * volume
-    return flexible.mass or 0.5 * largest
 
 
 def _warning(part: Part, flexible: FlexibleLink, largest: float, length: float) -> Diagnostic | None:
@@ -182,10 +149,7 @@ def _warning(part: Part, flexible: FlexibleLink, largest: float, length: float) 
     if length > 100.0:
         remedy = f"likely given in mm: in SI {length / 1e3:.4g} m; write the file's lengths in m"
     carries = f"can carry only {100 * share:.2g} % of the link's mass"
-    return Diagnostic(
-        f"{part.link}: a beam {beam}, {length:.4g} m, {carries}; {remedy}",
-        "beam-light",
-    )
+    return Diagnostic(f"{part.link}: a beam {beam}, {length:.4g} m, {carries}; {remedy}", "beam-light")
 
 
 def payload(body: SpatialInertia) -> RigidBody:
@@ -203,10 +167,11 @@ def payload(body: SpatialInertia) -> RigidBody:
 def _rigid_body(body: SpatialInertia) -> RigidBody:
     """Return a body as a `RigidBody`, with three moments only if all products of inertia are zero."""
     inertia = (body.inertia + body.inertia.T) / 2
-    xx, yy, zz, xy, xz, yz = (float(inertia[j, k]) for j, k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
-    products = (xy, xz, yz) if xy or xz or yz else ()
+    xx, yy, zz, *products = (float(inertia[j, k]) for j, k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
     x, y, z = body.center.tolist()
-    return RigidBody(mass=float(body.mass), center=(x, y, z), inertia=(xx, yy, zz, *products))
+    return RigidBody(
+        mass=float(body.mass), center=(x, y, z), inertia=(xx, yy, zz, *(products if any(products) else ()))
+    )
 
 
 def rounded_down(value: float) -> str:
@@ -215,12 +180,6 @@ def rounded_down(value: float) -> str:
         return "0"
     unit = 10.0 ** (math.floor(math.log10(value)) - 3)
     return f"{math.floor(value / unit) * unit:.4g}"
-
-
-def _tube(length: float) -> Section:
-    """Return a tube whose diameter is a tenth of its length and whose wall is a twentieth of the diameter."""
-    outer = length / 10
-    return Section(shape="tube", outer=outer, inner=outer * (1 - 2 / 20))
 
 
 def _prism(section: Section, mass: float, line: Line) -> SpatialInertia:
@@ -236,13 +195,7 @@ def _pose(line: Line) -> Pose:
 
 
 def largest_mass(link: SpatialInertia, beam: SpatialInertia) -> float:
-    """Return the largest mass [kg] that a beam of this shape can take from a link.
-
-    Parameters
-    ----------
-    link, beam
-        The bodies in one frame; the beam's mass is any positive number.
-    """
+    """Return the largest mass [kg] that a beam of this shape, of any mass, can take from a link in the same frame."""
     J, J1 = link.moments, beam.moments / beam.mass
     flat = 1e-12  # relative squared extent below which a body counts as a plate or rod; files contain rounded numbers
     extent = max(J.diagonal()[1:].max(), 0.0) or 1.0
@@ -260,14 +213,7 @@ def largest_mass(link: SpatialInertia, beam: SpatialInertia) -> float:
 def cut(link: SpatialInertia, beam: SpatialInertia, line: Pose, length: float) -> tuple[SpatialInertia, SpatialInertia]:
     """Return the remaining bodies at the root and at the end of the beam, in the link's frame.
 
-    Parameters
-    ----------
-    link, beam
-        The bodies in the link's frame; the beam has less mass than `largest_mass`.
-    line
-        Start of the beam, with x along it.
-    length
-        Length of the beam [m].
+    The beam has less mass than `largest_mass`, and begins at `line`, with x along it.
     """
     about = Pose(line.R, link.center)  # along the line, at the link's centre, where subtraction loses no digits
     whole, part = link.moved(about.inverse), beam.moved(about.inverse)

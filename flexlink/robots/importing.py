@@ -184,6 +184,7 @@ def import_urdf(
 
 
 def _check_links(way: Paths, flexible: Mapping[str, FlexibleLink]) -> None:
+    links = [part.link for part in way.parts]
     for link, specified in flexible.items():
         holders = [part.link for part in way.parts if link in part.folded]
         if holders:
@@ -191,10 +192,9 @@ def _check_links(way: Paths, flexible: Mapping[str, FlexibleLink]) -> None:
                 f"flexible: link {truncated(link)} is fixed to {truncated(holders[0])}; make that link flexible",
                 id="flexible-link-fixed",
             )
-        if link not in [part.link for part in way.parts]:
-            allowed = short_list([part.link for part in way.parts])
+        if link not in links:
             raise ArgumentError(
-                f"flexible: link {truncated(link)} is not between base and tip; allowed are {allowed}",
+                f"flexible: link {truncated(link)} is not between base and tip; allowed are {short_list(links)}",
                 id="unknown-link",
             )
         if not isinstance(specified, FlexibleLink):
@@ -288,42 +288,25 @@ def _beams(way: Paths, largest: Mapping[str, float]) -> list[Diagnostic]:
     """Return a note on the largest beam of each link."""
     least = 0.01  # fraction of the link's mass; below this, joints are too close, or the mass is far from their line
     share = {part.link: largest[part.link] / part.body.mass for part in way.parts if part.body.mass}
-    notes = [
-        Diagnostic(
-            f"{part.link}: a beam from joint to joint can carry at most {rounded_down(largest[part.link])} of its "
-            f"{part.body.mass:.4g} kg",
-            "largest-beam",
-        )
-        for part in way.parts
-        if share.get(part.link, 0.0) >= least
-    ]
-    others = [part.link for part in way.parts if share.get(part.link, 0.0) < least]
+    notes, others = list[Diagnostic](), list[str]()
+    for part in way.parts:
+        if share.get(part.link, 0.0) < least:
+            others.append(part.link)
+            continue
+        most = f"at most {rounded_down(largest[part.link])} of its {part.body.mass:.4g} kg"
+        notes.append(Diagnostic(f"{part.link}: a beam from joint to joint can carry {most}", "largest-beam"))
     if others:
-        compact = f"too compact for a beam from joint to joint: {short_list(others)}"
-        notes.append(Diagnostic(compact, "no-beam"))
+        notes.append(Diagnostic(f"too compact for a beam from joint to joint: {short_list(others)}", "no-beam"))
     return notes
 
 
 def living_paths(
-    robot: Robot,
-    base: str | None,
-    tip: str | Sequence[str] | None,
-    posture: Mapping[str, float],
-    locked: Mapping[str, float],
-    *,
-    free_base: bool,
-    rotors: Collection[str],
-) -> tuple[Paths, tuple[str, ...]]:
+    robot: Robot, base: str | None, tip: str | Sequence[str] | None, posture: Mapping[str, float],
+    locked: Mapping[str, float], *, free_base: bool, rotors: Collection[str],
+) -> tuple[Paths, tuple[str, ...]]:  # fmt: skip
     """Return the moving parts of a robot, and the joints that are fixed because nothing beyond them has inertia.
 
     `rotors` are the joints with an armature. The other parameters are as in `paths`; `tip` None means all ends.
-
-    Raises
-    ------
-    ArgumentError
-        As in `paths`.
-    DataFileError
-        A joint on the path to a named tip has no inertia attached, all joints have none, or no link has inertia.
     """
     still: dict[str, None] = {}
     while True:
@@ -349,7 +332,7 @@ def _lifeless(way: Paths, rotors: Collection[str]) -> list[Part]:
     found = []
     for number in range(len(way.parts), 0, -1):
         part = way.parts[number - 1]
-        if part.joint.name in rotors or alive[number] or _moved(part):
+        if part.joint.name in rotors or alive[number] or _moved(part.joint, part.body):
             alive[number] = alive[part.parent] = True
         else:
             found.append(part)
@@ -357,10 +340,9 @@ def _lifeless(way: Paths, rotors: Collection[str]) -> list[Part]:
     return found[::-1]
 
 
-def _moved(part: Part) -> float:
-    """Return the mass [kg] of a part with a sliding joint, or the inertia [kg m²] of a part about its hinge."""
-    body = payload(part.body)
-    return body.about(part.joint.axis) if part.joint.turns else body.mass
+def _moved(joint: TreeJoint, body: SpatialInertia) -> float:
+    """Return the inertia [kg m²] of a body about its hinge, or its mass [kg] on a slide."""
+    return payload(body).about(joint.axis) if joint.turns else body.mass
 
 
 def with_followers(
@@ -379,7 +361,7 @@ def with_followers(
             lines.append(Diagnostic(text, "mimic-fixed"))
             continue
         body = folded(robot, joint.child, (), way.positions)[0]
-        inertia = k * k * (payload(body).about(joint.axis) if joint.turns else body.mass)
+        inertia = k * k * _moved(joint, body)
         rotors[leader.name] = rotors.get(leader.name, 0.0) + inertia
         damping, friction = leader.damping + k * k * joint.damping, leader.friction + abs(k) * joint.friction
         leader = dataclasses.replace(leader, damping=damping, friction=friction)
@@ -425,13 +407,7 @@ def clamped_frequency(scene: Scene, link: str) -> float:
 
 
 def tuned(scene: Scene, link: str, hertz: float) -> Scene:
-    """Return the scene with the link's Young's modulus set so that `clamped_frequency` is `hertz`.
-
-    Raises
-    ------
-    ArgumentError
-        A frequency of this size is not proportional to √E in float64, or E would overflow.
-    """
+    """Return the scene with the link's Young's modulus set so that `clamped_frequency` is `hertz`."""
     name = scene.arm.links[scene.arm.number(link) - 1].material or link
     material, ratio = scene.arm.materials[name], hertz / clamped_frequency(scene, link)
     young = material.young * (ratio * ratio)

@@ -75,34 +75,17 @@ def _turn(axis: Array, angle: float) -> Array:
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Robot:
-    """Links and joints by name, which form a tree.
+    """Links and joints by name, which form a tree; joints are in the file's order.
 
-    Attributes
-    ----------
-    name
-        Name of the robot.
-    links
-        The rigid body of each link in its frame; massless if the file gives no inertia.
-    joints
-        Joints by name, in the file's order.
-    left_out
-        What the file has and the reader does not read: by element, as `<visual>`, or attribute, as `<limit effort>`,
-        the link or joint that has it, and its value, for each.
-    doubts
-        Warnings about angles that are likely in degrees.
-
-    Raises
-    ------
-    DataFileError
-        The robot is not a tree (no links, a missing link, a link with two parent joints, several roots, a loop), or
-        joints mimic each other in a circle or mimic a missing joint.
+    `left_out` is what the file has and the reader does not read: by element, as `<visual>`, or attribute, as
+    `<limit effort>`, the link or joint that has it, and its value, for each.
     """
 
     name: str
-    links: Mapping[str, SpatialInertia]
+    links: Mapping[str, SpatialInertia]  # bodies in their frames; massless if the file gives no inertia
     joints: Mapping[str, TreeJoint]
     left_out: Mapping[str, Sequence[tuple[str, str]]]
-    doubts: tuple[Diagnostic, ...] = ()
+    doubts: tuple[Diagnostic, ...] = ()  # angles that are likely in degrees
 
     def __repr__(self) -> str:
         return f"<Robot {self.name!r}: {plural(len(self.links), 'link')}, {plural(len(self.joints), 'joint')}>"
@@ -199,10 +182,7 @@ def _check_roots(robot: Robot) -> None:
     circle = [link for link in robot.links if link not in reached]
     if circle:
         they_form = f"link {circle[0]} forms" if len(circle) == 1 else f"links {short_list(circle)} form"
-        raise DataFileError(
-            f"{they_form} a loop; closed loops are not supported: take a joint out",
-            id="closed-loop",
-        )
+        raise DataFileError(f"{they_form} a loop; closed loops are not supported: take a joint out", id="closed-loop")
 
 
 def _check_mimics(robot: Robot) -> None:
@@ -224,9 +204,6 @@ def _check_mimics(robot: Robot) -> None:
             way[leader] = None
 
 
-# Positions of a robot's joints: check given positions, and compute all others.
-
-
 def positions_of(robot: Robot, stated: Mapping[str, float]) -> dict[str, float]:
     """Return the position of every joint; by default 0, or the middle of the limits if they exclude 0."""
     leaders = dict(stated)
@@ -238,13 +215,7 @@ def positions_of(robot: Robot, stated: Mapping[str, float]) -> dict[str, float]:
 
 
 def check_stated(robot: Robot, posture: Mapping[str, float], locked: Mapping[str, float]) -> None:
-    """Check that the given positions are within the limits and belong to joints that have a position.
-
-    Raises
-    ------
-    ArgumentError
-        A position is invalid; the message names the joint, its value and the allowed range.
-    """
+    """Check that the given positions are within the limits and belong to joints that have a position."""
     for key, stated in (("posture", posture), ("locked", locked)):
         for name, value in stated.items():
             _check(robot, key, name, value)

@@ -99,41 +99,12 @@ class Paths:
 
 
 def paths(
-    robot: Robot,
-    base: str | None,
-    tip: str | Sequence[str] | None,
-    posture: Mapping[str, float],
-    locked: Mapping[str, float],
-    *,
-    free_base: bool = False,
-    still: Collection[str] = (),
-) -> Paths:
-    """Find the moving parts of a robot.
+    robot: Robot, base: str | None, tip: str | Sequence[str] | None, posture: Mapping[str, float],
+    locked: Mapping[str, float], *, free_base: bool = False, still: Collection[str] = (),
+) -> Paths:  # fmt: skip
+    """Find the moving parts of a robot; arguments are as in `import_urdf`, `still` names other fixed joints.
 
-    Parameters
-    ----------
-    robot
-        The robot.
-    base
-        Link where the paths begin; by default the root.
-    tip
-        Link or links; the joints on the path to them move. By default, all joints beyond the base move except mimicking
-        joints, and the tips are the ends of the robot.
-    posture
-        Positions of joints [rad; m if prismatic]: initial positions of free joints, constant positions of others.
-        Default 0, or the middle of the limits if they exclude 0. Mimicking joints follow their leader.
-    locked
-        Positions of joints on the path that are locked.
-    free_base
-        Whether the base's link floats; links not beyond it are then ignored.
-    still
-        Other joints on the path that are fixed.
-
-    Raises
-    ------
-    ArgumentError
-        The robot has no link or joint of this name; a position is beyond limits, given twice or given for a joint that
-        has no position; or there is no path from base outward to tip, or no path with a joint that can move freely.
+    With a tip, the joints on the path to it move; without one, all joints beyond the base except mimicking joints.
     """
     base = robot.root if base is None else _link(robot, "base", base)
     check_stated(robot, posture, locked)
@@ -215,12 +186,9 @@ def _check_fit(joint: TreeJoint, span: str) -> None:
 
 
 def _parts(
-    robot: Robot,
-    way: Sequence[TreeJoint],
-    free: Collection[str],
-    positions: Mapping[str, float],
+    robot: Robot, way: Sequence[TreeJoint], free: Collection[str], positions: Mapping[str, float],
     places: dict[str, tuple[int, Pose]],
-) -> tuple[tuple[Part, ...], dict[str, tuple[int, Pose]]]:
+) -> tuple[tuple[Part, ...], dict[str, tuple[int, Pose]]]:  # fmt: skip
     """Return the parts, and for each link on the path the number of its part and its frame in that part."""
     parts: list[Part] = []
     for joint in way:

@@ -93,10 +93,9 @@ def _robot(root: ET.Element) -> Robot:
     elements = root.findall("link")
     if len(elements) > most_links:
         raise DataFileError(f"{len(elements)} links; at most {most_links} are read", id="file-too-large")
-    links: dict[str, SpatialInertia] = {}
+    links, joints = dict[str, SpatialInertia](), dict[str, TreeJoint]()
     for element in elements:
         links[_new_name(element, links)] = _body(element)
-    joints: dict[str, TreeJoint] = {}
     for element in root.findall("joint"):
         name = _new_name(element, joints)
         joints[name] = _joint(element, name)
@@ -238,18 +237,13 @@ def _joint(element: ET.Element, name: str) -> TreeJoint:
     about = _label(element)
     kind = _kind(element, about)
     dynamics, mimic = _one(element, "dynamics", about), _one(element, "mimic", about)
-    return TreeJoint(
-        name=name,
-        kind=kind,
-        parent=_text(_needed(element, "parent", about), "link", about),
-        child=_text(_needed(element, "child", about), "link", about),
-        origin=_origin(element, about),
-        axis=_axis(element, about) if kind in {"revolute", "continuous", "prismatic"} else np.zeros(3),
-        limits=_limits(element, kind, about),
-        damping=_not_negative(dynamics, "damping", about, 0.0),
-        friction=_not_negative(dynamics, "friction", about, 0.0),
-        mimic=None if mimic is None else _mimic(mimic, about),
-    )
+    parent, child = (_text(_needed(element, tag, about), "link", about) for tag in ("parent", "child"))
+    origin = _origin(element, about)
+    axis = _axis(element, about) if kind in {"revolute", "continuous", "prismatic"} else np.zeros(3)
+    limits = _limits(element, kind, about)
+    damping, friction = (_not_negative(dynamics, key, about, 0.0) for key in ("damping", "friction"))
+    rule = None if mimic is None else _mimic(mimic, about)
+    return TreeJoint(name, kind, parent, child, origin, axis, limits, damping, friction, rule)
 
 
 def _kind(element: ET.Element, about: str) -> JointKind:
@@ -271,9 +265,7 @@ def _axis(element: ET.Element, about: str) -> Array:
 
 
 def _limits(element: ET.Element, kind: JointKind, about: str) -> tuple[float, float] | None:
-    if kind not in {"revolute", "prismatic"}:
-        return None
-    limit = _one(element, "limit", about)
+    limit = _one(element, "limit", about) if kind in {"revolute", "prismatic"} else None
     if limit is None:
         return None
     lower, upper = (_number(limit, key, about, 0.0, sys.float_info.max) for key in ("lower", "upper"))
@@ -281,8 +273,5 @@ def _limits(element: ET.Element, kind: JointKind, about: str) -> tuple[float, fl
 
 
 def _mimic(element: ET.Element, about: str) -> Mimic:
-    return Mimic(
-        _text(element, "joint", about),
-        _number(element, "multiplier", about, 1.0),
-        _number(element, "offset", about, 0.0),
-    )
+    leader, multiplier = _text(element, "joint", about), _number(element, "multiplier", about, 1.0)
+    return Mimic(leader, multiplier, _number(element, "offset", about, 0.0))

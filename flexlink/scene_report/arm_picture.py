@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
@@ -32,14 +34,18 @@ def plot_chain(chain: Chain, q: ArrayLike | None) -> Figure:
     """Plot the arm at the angles q (n,) [rad]; if q is None, with joints at zero and springs relaxed."""
     placed = frames(chain, chain.rest if q is None else np.asarray(q))
     points, rails = placed.points, unslid(chain, placed.rotations, placed.points)
-    seen = points[max(base_body(chain) - 1, 0) :]
-    seen = np.concatenate([seen, rails[sliding_bodies(chain)]])
+    seen = np.concatenate([of_arm(chain, points), rails[sliding_bodies(chain)]])
     views = views_of(chain, seen)
     figure, axes = panels(views, chain, seen)
     for panel, view in zip(axes, views, strict=True):
         draw_arm(panel, view, points, chain, rails)
     legend_over(axes[0], figure=figure)
     return figure
+
+
+def of_arm(chain: Chain, points: Array) -> Array:
+    """Return the origins of the bodies (…, bodies, 3), from a floating base on."""
+    return points[..., max(base_body(chain) - 1, 0) :, :]
 
 
 def panels(views: list[View], chain: Chain, points: Array) -> tuple[Figure, list[Axes]]:
@@ -81,8 +87,6 @@ def draw_arm(axes: Axes, view: View, points: Array, chain: Chain, rails: Array |
     axes.plot(x[tips], y[tips], "*", color=INK, markersize=9, zorder=5, label=label)
 
 
-def draw_shadow(
-    axes: Axes, view: View, points: Array, chain: Chain, label: str | None = None, colour: str = GREY
-) -> None:
-    """Draw an arm as a thin line."""
-    axes.plot(*view.flat(as_lines(chain, points)), color=colour, linewidth=1.0, zorder=1, label=label)
+def draw_shadow(axes: Axes, view: View, points: Array, chain: Chain, *, base: bool = True, **look: Any) -> None:
+    """Draw an arm as a thin line, with or without the line to a fixed base."""
+    axes.plot(*view.flat(as_lines(chain, points, base=base)), **{"color": GREY, "linewidth": 1.0} | look)

@@ -8,6 +8,7 @@ Each fit is fast and has one parameter; scales replace the unknown noise. Standa
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Iterator
 from functools import cached_property
@@ -47,28 +48,14 @@ class Tried(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Fit:
-    """The value of a parameter for which the run is closest to the measurement.
-
-    Attributes
-    ----------
-    number
-        The parameter.
-    value, spread
-        Best value and its standard deviation, in the parameter's unit.
-    explained
-        Fraction of the mean square difference that this value removes.
-    off
-        Remaining root mean square difference of each column [SI].
-    run
-        The run with the best value.
-    """
+    """The value of a parameter for which the run is closest to the measurement."""
 
     number: Tried
     value: float
-    spread: float
-    explained: float
-    off: dict[str, float]
-    run: Trajectory
+    spread: float  # standard deviation, in the parameter's unit
+    explained: float  # fraction of the mean square difference that this value removes
+    off: dict[str, float]  # remaining root mean square difference of each column [SI]
+    run: Trajectory  # with this value
 
     @property
     def factor(self) -> float | None:
@@ -84,18 +71,16 @@ class Fit:
 def numbers_of(scene: Scene) -> Iterator[Tried]:
     """Yield parameters that are seldom known well: stiffness, density, payload, damping, friction, initial position."""
     arm = scene.arm
-    for name in dict.fromkeys(link.material for link in arm.links if link.flex != "rigid" and link.material):
-        material, of = arm.materials[name], f"material.{quoted(name)}"
-        yield Tried(f"{of}.young", f"stiffness of {name}", material.young)
-        yield Tried(f"{of}.density", f"density of {name}", material.density)
-        if material.loss_time:
-            yield Tried(f"{of}.loss_time", f"damping of {name}", material.loss_time)
-    for name in dict.fromkeys(link.rigidity for link in arm.links if link.rigidity):
-        table, of = arm.rigidities[name], f"rigidity.{quoted(name)}"
-        yield Tried(f"{of}.stiffness_factor", f"stiffness of {name}", table.stiffness_factor)
-        yield Tried(f"{of}.mass_factor", f"mass of {name}", table.mass_factor)
-        if table.loss_time:
-            yield Tried(f"{of}.loss_time", f"damping of {name}", table.loss_time)
+    bending = [link.material for link in arm.links if link.flex != "rigid"]
+    of_material = {"young": "stiffness", "density": "density", "loss_time": "damping"}
+    of_rigidity = {"stiffness_factor": "stiffness", "mass_factor": "mass", "loss_time": "damping"}
+    for kind, records, names, keys in (
+        ("material", arm.materials, bending, of_material),
+        ("rigidity", arm.rigidities, [link.rigidity for link in arm.links], of_rigidity),
+    ):
+        for name, (key, what) in itertools.product(dict.fromkeys(filter(None, names)), keys.items()):
+            if value := getattr(records[name], key):
+                yield Tried(f"{kind}.{quoted(name)}.{key}", f"{what} of {name}", value)
     if arm.tip.mass:
         yield Tried("tip.mass", "payload", arm.tip.mass)
     for number, (link, start) in enumerate(zip(arm.links, scene.starts, strict=True), 1):
@@ -105,14 +90,10 @@ def numbers_of(scene: Scene) -> Iterator[Tried]:
             if value and not (joint.locked and key != "gear_stiffness"):
                 yield Tried(f"link.{number}.joint.{key}", f"{what} of {link.name}", value)
         for axis, (stiffness, _) in link.root_springs.items():
-            yield Tried(
-                f"link.{number}.root_stiffness.{axis}", f"stiffness of the root of {link.name} about {axis}", stiffness
-            )
-        if (
-            not joint.locked
-            and scene.initial.q is None
-            and not any(m.link in (number, link.name) for m in scene.motion)
-        ):
+            what = f"stiffness of the root of {link.name} about {axis}"
+            yield Tried(f"link.{number}.root_stiffness.{axis}", what, stiffness)
+        led = any(motion.link in (number, link.name) for motion in scene.motion)
+        if not joint.locked and scene.initial.q is None and not led:
             yield Tried(f"initial.joint_{joint.terms.unit}.{number}", f"start of {link.name}", start)
 
 
@@ -127,15 +108,12 @@ class Comparison:
     def __init__(self, scene: Scene, run: Trajectory, measured: Measured) -> None:
         inside = (measured.t >= run.t[0]) & (measured.t <= run.t[-1])
         self.t, self.left_out = measured.t[inside], int((~inside).sum())
-        self.measured = {name: column[inside] for name, column in measured.columns.items()}
-        self.measured = {name: column for name, column in self.measured.items() if np.isfinite(column).any()}
-        self.run = run
-        self.scene = scene
+        columns = {name: column[inside] for name, column in measured.columns.items()}
+        self.measured = {name: column for name, column in columns.items() if np.isfinite(column).any()}
+        self.run, self.scene, spacing = run, scene, scene.run.spacing
         if self.t.size:
-            last = min(
-                math.ceil(float(self.t[-1] - run.t[0]) / scene.run.spacing) * scene.run.spacing, scene.run.duration
-            )
-            self.scene = scene.varied({"run.duration": max(last, scene.run.spacing)})
+            last = min(math.ceil(float(self.t[-1] - run.t[0]) / spacing) * spacing, scene.run.duration)
+            self.scene = scene.varied({"run.duration": max(last, spacing)})
 
     def at_times(self, run: Trajectory) -> dict[str, Array]:
         """Return the measured columns of a run at the measured times, by cubic splines through its samples."""
@@ -181,16 +159,14 @@ class Comparison:
         parameter = FitParameter(path=number.path)
         tolerance, worth = 1e-6, 0.02  # relative tolerance of adaptive steps; smallest useful explained fraction
         try:
-            found = quick_estimates(
-                FitProblem(
-                    scene=self.scene, parameter=(parameter,), run=(self._recorded,), noise="white", tolerance=tolerance
-                ),
-                worth,
+            problem = FitProblem(
+                scene=self.scene, parameter=(parameter,), run=(self._recorded,), noise="white", tolerance=tolerance
             )
-            run = simulate(self.scene.varied({number.path: found[0].value})) if found else None
+            found = quick_estimates(problem, worth)
+            if not found:
+                return None
+            run = simulate(self.scene.varied({number.path: found[0].value}))
         except FlexlinkError:
-            return None
-        if run is None:
             return None
         left = self.residual(run)
         explained = 1.0 - float(left @ left) / float(before @ before)

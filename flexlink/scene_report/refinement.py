@@ -162,7 +162,7 @@ class Refinement:
         run = self.scene.run
         if not run.controlled:
             return Stepping(run.method, step=factor * run.fixed_step)
-        size = float(self.study.bent_by.max()) if run.accuracy == "deflection" else self.study.size
+        size = float(self.study.bent_by.max()) if run.accuracy == "deflection" else self.chain.size
         return Stepping(run.method, tolerance=factor * run.tolerance_within(size))
 
     @cached_property
@@ -170,32 +170,23 @@ class Refinement:
         """CPU time of evaluations on this machine, relative to the times listed in `motion.evaluation_cost`."""
         return machine_factor(problem_of(self.scene, self.chain))
 
-    @cached_property
-    def this_scene(self) -> Choice:
-        """The scene without changes."""
-        steps = self.run.steps
-        seconds = self.scale * run_cost(self.chain, steps.method, steps.evaluations) if steps else math.nan
-        outcome = Outcome(self.run.tip, seconds, self.run, self.stepping(1.0))
-        return Choice(
-            "this scene", self.chain.freedoms, self._steps_text(outcome), outcome, self.error(self.run.tip), seconds
-        )
-
     def choices(self) -> list[Choice]:
         """Return the scene's run, followed by the alternatives."""
-        controlled = self.scene.run.controlled
+        steps, run, controlled = self.run.steps, self.runner.run, self.scene.run.controlled
+        seconds = run_cost(self.chain, steps.method, steps.evaluations) if steps else math.nan
+        found = [self._choice("this scene", Outcome(self.run.tip, seconds, self.run, self.stepping(1.0)))]
         what = "tolerance" if controlled else "step"
-        found = [self.this_scene]
-        found += [self._choice(f"{_times(k)} the {what}", self.model, self.stepping(k)) for k in self.factors]
+        found += [self._choice(f"{_times(k)} the {what}", run(self.model, self.stepping(k))) for k in self.factors]
         if self.gives_state or not any(self.model):
             return found
         if not controlled:
-            found.append(self._choice("adaptive steps", self.model, self.strict))
+            found.append(self._choice("adaptive steps", run(self.model, self.strict)))
         others = [(self.times_the_hinges(factor, _times(factor)), self.cut(factor)) for factor in FACTORS]
         others += [(f"{', '.join(flex)} bending only", self.limited_axes(flex)) for flex in FLEX[1:-1]]
         others.append(("rigid links", (None,) * len(self.model)))
         for label, model in others:
             if model != self.model and can_move(self.scene, model):
-                found.append(self._choice(label, model, self.strict))
+                found.append(self._choice(label, run(model, self.strict)))
         return found
 
     def limited_axes(self, top: str) -> Model:
@@ -203,8 +194,7 @@ class Refinement:
         axes = limited_axes([bend.flex if bend else FLEX[0] for bend in self.model], top)
         return tuple(bend and bend._replace(flex=flex) for bend, flex in zip(self.model, axes, strict=True))
 
-    def _choice(self, label: str, model: Model, stepping: Stepping) -> Choice:
-        outcome = self.runner.run(model, stepping)
+    def _choice(self, label: str, outcome: Outcome) -> Choice:
         n = outcome.run.chain.freedoms if outcome.run is not None else 0
         error = self.error(outcome.tip) if outcome.completed else math.nan
         return Choice(label, n, self._steps_text(outcome), outcome, error, self.scale * outcome.seconds)

@@ -71,13 +71,7 @@ def report(
 
 
 def building() -> ModuleType:
-    """Return the module that builds pages, which needs matplotlib and jinja2.
-
-    Raises
-    ------
-    MissingDependencyError
-        One of them is not installed.
-    """
+    """Return the module that builds pages, which needs matplotlib and jinja2."""
     return builder("flexlink.scene_report.building", "report")
 
 

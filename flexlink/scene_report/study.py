@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from flexlink.advice.model_runner import ModelRunner
 from flexlink.chain.chain import Chain
@@ -27,21 +28,11 @@ MEASURED = ".csv"
 
 @dataclasses.dataclass(frozen=True)
 class Study:
-    """A scene and the data that a report needs; if a computation fails, each access raises the same error.
-
-    Attributes
-    ----------
-    scene
-        The scene.
-    against
-        A third-party file of the same arm, or measurements, if any.
-    command
-        Command that produced the report.
-    """
+    """A scene and the data that a report needs; if a computation fails, each access raises the same error."""
 
     scene: Scene
-    against: Path | None = None
-    command: str = ""
+    against: Path | None = None  # a third-party file of the same arm, or measurements
+    command: str = ""  # that produced the report
 
     @property
     def measurements(self) -> bool:
@@ -59,9 +50,9 @@ class Study:
         return initial_state(self.scene, self.chain)
 
     @cached_property
-    def size(self) -> float:
-        """Reach of the arm, or another characteristic length [m]."""
-        return self.chain.size
+    def load(self) -> dict[str, Any]:
+        """The initial tip wrench, as arguments of functions of a state."""
+        return dict(zip(("tip_wrench", "frame"), initial_wrench(self.scene, self.chain), strict=True))
 
     @cached_property
     def bends(self) -> bool:
@@ -75,13 +66,7 @@ class Study:
 
     @property
     def run(self) -> Trajectory:
-        """The scene's run.
-
-        Raises
-        ------
-        FlexlinkError
-            The run failed; `attempt` is the reason.
-        """
+        """The scene's run."""
         if isinstance(self.attempt, FlexlinkError):
             raise FlexlinkError("no run: see “Motion”", id="no-run")
         return self.attempt
@@ -111,12 +96,5 @@ class Study:
 
     @cached_property
     def rest(self) -> Equilibrium:
-        """Static equilibrium with the driven joints locked at their initial positions.
-
-        Raises
-        ------
-        FlexlinkError
-            There is no equilibrium; see `solve_static`.
-        """
-        wrench, frame = initial_wrench(self.scene, self.chain)
-        return rest_of(self.chain, self.start[0], tip_wrench=wrench, frame=frame)
+        """Static equilibrium with the driven joints locked at their initial positions."""
+        return rest_of(self.chain, self.start[0], **self.load)

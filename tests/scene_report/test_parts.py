@@ -127,7 +127,7 @@ class TestHeld:
         assert [size, y, *numbers(part.facts[0].value)] == three(sag, -sag, sag)
         assert max(abs(x), abs(z)) < 2e-3 * sag
         assert re.findall(r"\w*stable\b", " ".join(part.sentences)) == ["stable"]
-        largest = 0.08 * held.size / (1e-3 * sag)  # the drawn deflection is at most a twelfth of the reach
+        largest = 0.08 * held.chain.size / (1e-3 * sag)  # the drawn deflection is at most a twelfth of the reach
         scale = max(times for times in (1, 2, 5, 10, 20, 50, 100, 200, 500) if times <= largest)
         assert numbers(part.pictures[0].caption) == [scale]
         reviewed("report numbers: caption of the sag", part.pictures[0].caption)

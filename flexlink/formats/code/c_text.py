@@ -128,14 +128,9 @@ def inputs_of(model: Model) -> dict[int, str]:
 
 
 def statements(
-    tape: Tape,
-    results: Iterable[Sequence[Real]],
-    names: dict[int, str],
-    pattern: str,
-    place: str = "t{}",
-    prefix: str = "",
-    choose: str = "{} >= 0.0 ? {} : {}",
-) -> list[str]:
+    tape: Tape, results: Iterable[Sequence[Real]], names: dict[int, str], pattern: str, place: str = "t{}",
+    prefix: str = "", choose: str = "{} >= 0.0 ? {} : {}",
+) -> list[str]:  # fmt: skip
     """Assignments of all lines that the results need, in C's and Python's notation.
 
     `names` receives the names of the results, `place` with their number; `pattern` takes the number and the expression.

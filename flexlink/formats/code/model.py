@@ -47,7 +47,7 @@ class Model(NamedTuple):
     chain: Chain
     tape: Tape
     x: list[Number]  # z, ż
-    u: list[Number]  # torques of the driven joints; accelerations of joints with prescribed motion
+    u: list[Number]  # torques of the driven joints; accelerations of joints with a given motion
     rate: list[Real]  # ẋ
     tip: list[Real]  # position [m]
 
@@ -73,7 +73,7 @@ def _joints(chain: Chain) -> Indices:
 
 
 def _state(chain: Chain, x: list[Number], u: list[Number]) -> tuple[Objects, Objects, Objects, Objects]:
-    """Angles, rates, torques and prescribed accelerations of all joints."""
+    """Angles, rates, torques and given accelerations of all joints."""
     Φ, m, given, inputs = all_motions(chain), chain.freedoms, chain.held, np.zeros(chain.n, object)
     inputs[chain.active] = u
     q = Φ @ np.array(x[:m]) + (0.0 if chain.shapes is None else chain.rest)

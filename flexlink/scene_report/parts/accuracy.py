@@ -26,12 +26,8 @@ def made(study: Study) -> Part | None:
     choices = about.choices()
     pictures = [picture for picture in (_in_time(about), _prices(choices)) if picture is not None]
     sentences = (*_hinge_error(about), _step_error(about), _costs(about, choices))
-    return Part(
-        tuple(filter(None, sentences)),
-        (_verdict(about), _cost(choices[0], study)),
-        tuple(pictures),
-        (_table(about, choices),),
-    )
+    verdicts, tables = (_verdict(about), _cost(choices[0], study)), (_table(about, choices),)
+    return Part(tuple(filter(None, sentences)), verdicts, tuple(pictures), tables)
 
 
 def _hinge_error(about: Refinement) -> list[str]:
@@ -41,7 +37,9 @@ def _hinge_error(about: Refinement) -> list[str]:
         return ["Tip error from the number of hinges: unknown, because initial.q fixes that number."]
     limit = about.limit
     if limit is None:
-        early = "; ".join(f"{factor:g} times the hinges: {why}" for factor, why in _early(about))
+        outcomes = {factor: about.runner.run(about.cut(factor), about.strict) for factor in (1.0, 2.0, 4.0)}
+        reasons = {factor: outcome.reason for factor, outcome in outcomes.items() if not outcome.completed}
+        early = "; ".join(f"{factor:g} times the hinges: {why}" for factor, why in reasons.items())
         return [f"Tip error from the number of hinges: unknown, because too few other runs completed ({early})."]
     if not about.is_accurate:
         until = about.accurate_until(ENOUGH)
@@ -49,20 +47,15 @@ def _hinge_error(about: Refinement) -> list[str]:
             f"Tip error from the number of hinges: unknown. More hinges still move the tip by {_length(limit.error)}, "
             f"as in motion that amplifies small errors. Until {number(until)} s the two finest models differ by less "
             f"than {percent(ENOUGH)} of the tip’s travel; to get an estimate, shorten the run to that time "
-            "(run.duration).",
+            "(run.duration)."
         ]
     order = f"observed order {number(limit.order, 2)}, " if math.isfinite(limit.order) else ""
     return [
         f"Tip error from the number of hinges: {_length(about.of_hinges)}, "
         f"{percent(about.of_hinges / about.study.travel)} of the tip’s travel, without the error of the steps, "
         f"relative to the converged model ({order}known to ±{_length(limit.error, '')}). Data of joints, loads and "
-        "materials are not checked here; that requires measurements.",
+        "materials are not checked here; that requires measurements."
     ]
-
-
-def _early(about: Refinement) -> list[tuple[float, str]]:
-    outcomes = {factor: about.runner.run(about.cut(factor), about.strict) for factor in (1.0, 2.0, 4.0)}
-    return [(factor, outcome.reason) for factor, outcome in outcomes.items() if not outcome.completed]
 
 
 def _step_error(about: Refinement) -> str:
@@ -80,12 +73,11 @@ def _step_length(about: Refinement) -> str:
 
 
 def _costs(about: Refinement, choices: Sequence[Choice]) -> str:
-    own, sentences = choices[0], []
-    duration = about.scene.run.duration
-    sentences.append(
+    own, duration = choices[0], about.scene.run.duration
+    sentences = [
         f"CPU time of the steps on this machine, without set-up and checks: {_seconds(own.seconds)} "
         f"({number(duration / own.seconds)} × real-time speed)."
-    )
+    ]
     known = [one for one in choices[1:] if math.isfinite(one.error) and one.outcome.completed]
     cheaper = [one for one in known if one.seconds < own.seconds]
     if math.isfinite(own.error) and known:
@@ -115,9 +107,8 @@ def _verdict(about: Refinement) -> Verdict:
     parts = f"hinges ({_length(about.of_hinges)}) and steps ({_step_length(about)})"
     what = parts if any(about.model) else "steps"
     warned = " The run gave warnings: see “Motion”." if doubts else ""
-    return Verdict(
-        "Model error", state, _length(error), f"Tip error from {what}: {percent(share)} of the tip’s travel.{warned}"
-    )
+    text = f"Tip error from {what}: {percent(share)} of the tip’s travel.{warned}"
+    return Verdict("Model error", state, _length(error), text)
 
 
 def _cost(own: Choice, study: Study) -> Verdict:
@@ -156,12 +147,8 @@ def _in_time(about: Refinement) -> Picture | None:
     axes.axhline(about.limit.error, color=GREY, linestyle="--", linewidth=1.0, label="uncertainty")
     errors = np.concatenate([column for name, column in columns.items() if name != "t [s]"])
     top, low = float(errors.max()), float(np.quantile(errors, 0.1))  # leave out the start, where all runs agree
-    axes.set(
-        yscale="log",
-        ylim=(max(0.3 * low, 1e-6 * top), 2 * max(top, about.limit.error)),
-        xlabel="time [s]",
-        ylabel="tip error [m]",
-    )
+    shown = max(0.3 * low, 1e-6 * top), 2 * max(top, about.limit.error)
+    axes.set(yscale="log", ylim=shown, xlabel="time [s]", ylabel="tip error [m]")
     legend_over(axes, figure=figure)
     csv = columns_csv(columns)
     caption = "Tip error along the run, relative to the converged model. Dashed: uncertainty of that model."

@@ -36,12 +36,8 @@ def made(study: Study) -> Part:
         *why,
         *missing,
     ]
-    tables = []
-    if diagnoses:
-        tables.append(_terms(diagnoses))
-    if runs:
-        tables.append(_of_runs(runs))
-    return Part(tuple(filter(None, sentences)), (_verdict(diagnoses, runs),), tables=tuple(tables))
+    tables = (*([_terms(diagnoses)] if diagnoses else []), *([_of_runs(runs)] if runs else []))
+    return Part(tuple(filter(None, sentences)), (_verdict(diagnoses, runs),), tables=tables)
 
 
 def _between_joints(study: Study, diagnoses: Iterable[Diagnosis]) -> str:
@@ -102,13 +98,8 @@ def _terms(diagnoses: Sequence[Diagnosis]) -> Table:
     lines = []
     for each in diagnoses:
         errors = {row.quantity: row.error for row in each.rows}
-        lines.append(
-            (
-                engine_name(each.engine),
-                *(errors.get(name) for name in quantities),
-                "agrees" if each.passed else "DIFFERS",
-            )
-        )
+        verdict = "agrees" if each.passed else "DIFFERS"
+        lines.append((engine_name(each.engine), *map(errors.get, quantities), verdict))
     heads = ("engine", *quantities, "verdict")
     return Table("terms", "Terms of the equation of motion: difference / rounding bound", heads, tuple(lines))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from flexlink.common.wording import plural
 from flexlink.data.measured import read_measured
@@ -65,7 +66,7 @@ def _about_fits(fits: Sequence[Fit], best: Fit | None) -> list[str]:
     if best is None:
         return [
             "No single parameter of the scene explains the difference; check the units and the order of the columns. "
-            f"With the best, {fits[0].number.what} {_change(fits[0])}, {_share(fits[0].remaining)} of it remains.",
+            f"With the best, {fits[0].number.what} {_change(fits[0])}, {_share(fits[0].remaining)} of it remains."
         ]
     sentences = [
         f"Best explanation: {best.number.what} {_change(best)}, {_value(best)} instead of "
@@ -81,10 +82,8 @@ def _about_fits(fits: Sequence[Fit], best: Fit | None) -> list[str]:
         sentences.append(f"The cause is uncertain, because other parameters fit nearly as well: {', '.join(rivals)}.")
     elif len(fits) > 1:
         sentences.append(f"With the next best, {fits[1].number.what}, {_share(fits[1].remaining)} remains.")
-    sentences.append(
-        "Each parameter is fitted alone; ± is one standard deviation if the remaining difference is noise."
-    )
-    return sentences
+    alone = "Each parameter is fitted alone; ± is one standard deviation if the remaining difference is noise."
+    return [*sentences, alone]
 
 
 def _share(part: float) -> str:
@@ -143,10 +142,8 @@ def _columns(study: Study, comparison: Comparison, best: Fit | None) -> Table:
 def _numbers(fits: Sequence[Fit]) -> Table:
     heads = ("parameter", "in the scene", "fitted", "±", "factor", "remaining difference", "path")
     lines = tuple(
-        (fit.number.what, fit.number.value, fit.value, fit.spread, fit.factor,
-         fit.remaining, fit.number.path)
-        for fit in fits
-    )  # fmt: skip
+        (f.number.what, f.number.value, f.value, f.spread, f.factor, f.remaining, f.number.path) for f in fits
+    )
     return Table("numbers", "Parameters of the scene, each fitted alone", heads, lines)
 
 
@@ -156,42 +153,38 @@ def _drawn(comparison: Comparison) -> list[str]:
 
 
 def _overlay(study: Study, comparison: Comparison, best: Fit | None) -> Picture:
-    names = _drawn(comparison)
-    figure, axes = stacked_axes(len(names), 2.2)
+    figure, axes = stacked_axes(len(_drawn(comparison)), 2.2)
     columns: dict[str, np.ndarray] = {"t [s]": comparison.t}
-    runs = {"run": study.run} | ({"fitted": best.run} if best else {})
-    found = {label: comparison.at_times(run) for label, run in runs.items()}
-    for panel, name in zip(axes, names, strict=True):
+    found = {"run": comparison.at_times(study.run)} | ({"fitted": comparison.at_times(best.run)} if best else {})
+    for panel, name in zip(axes, _drawn(comparison), strict=True):
         panel.plot(comparison.t, comparison.measured[name], ".", color=GREY, markersize=3, label="measured")
         panel.plot(comparison.t, found["run"][name], color=VERMILION, label="this scene")
         if best:
             panel.plot(comparison.t, found["fitted"][name], color=BLUE, linestyle="--", label="fitted")
         panel.set_ylabel(name)
     for name, column in comparison.measured.items():
-        columns[f"measured {name}"] = column
-        columns |= {f"{label} {name}": found[label][name] for label in runs}
-    axes[-1].set_xlabel("time [s]")
-    legend_over(axes[0], figure=figure)
-    csv = columns_csv(columns)
-    caption = "Measurement and run" + (f", also with fitted {best.number.what}." if best else ".")
-    return Picture("beside", "Measured and computed", figure, caption, csv)
+        columns |= {f"measured {name}": column} | {f"{label} {name}": run[name] for label, run in found.items()}
+    return _finished("beside", "Measured and computed", "Measurement and run", figure, columns, best)
 
 
 def _difference(study: Study, comparison: Comparison, best: Fit | None) -> Picture:
-    names = _drawn(comparison)
-    figure, axes = stacked_axes(len(names), 2.0)
+    figure, axes = stacked_axes(len(_drawn(comparison)), 2.0)
     columns: dict[str, np.ndarray] = {"t [s]": comparison.t}
-    for panel, name in zip(axes, names, strict=True):
+    runs = [("this scene", VERMILION, study.run)] + ([("fitted", BLUE, best.run)] if best else [])
+    for panel, name in zip(axes, _drawn(comparison), strict=True):
         panel.axhline(0.0, color=INK, linewidth=0.8)
-        columns[f"this scene {name}"] = comparison.differences(study.run)[name]
-        panel.plot(comparison.t, columns[f"this scene {name}"], color=VERMILION, label="this scene")
-        if best:
-            columns[f"fitted {name}"] = comparison.differences(best.run)[name]
-            panel.plot(comparison.t, columns[f"fitted {name}"], color=BLUE, label="fitted")
+        for label, colour, run in runs:
+            columns[f"{label} {name}"] = comparison.differences(run)[name]
+            panel.plot(comparison.t, columns[f"{label} {name}"], color=colour, label=label)
         panel.set_ylabel(f"Δ {name}")
         panel.ticklabel_format(axis="y", style="sci", scilimits=(-3, 3))
-    axes[-1].set_xlabel("time [s]")
-    legend_over(axes[0], figure=figure)
-    csv = columns_csv(columns)
-    caption = "Run minus measurement" + (f", also with fitted {best.number.what}." if best else ".")
-    return Picture("difference", "Difference", figure, caption, csv)
+    return _finished("difference", "Difference", "Run minus measurement", figure, columns, best)
+
+
+def _finished(
+    name: str, title: str, caption: str, figure: Figure, columns: dict[str, np.ndarray], best: Fit | None
+) -> Picture:
+    figure.axes[-1].set_xlabel("time [s]")
+    legend_over(figure.axes[0], figure=figure)
+    caption += f", also with fitted {best.number.what}." if best else "."
+    return Picture(name, title, figure, caption, columns_csv(columns))

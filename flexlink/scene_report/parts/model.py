@@ -68,23 +68,16 @@ def _links(study: Study) -> Table:
 
 
 def _joints(study: Study) -> Iterator[Table]:
-    heads = (
-        "joint",
-        "start [deg]",
-        "limits [deg]",
-        "viscous friction [N m s/rad]",
-        "dry friction [N m]",
-        "rotor inertia [kg m²]",
-    )
-    arm, starts = study.scene.arm, study.scene.starts
-    sliding = (
-        "start [m]", "limits [m]", "viscous friction [N s/m]", "dry friction [N]", "rotor [kg]",
+    turning = (
+        "start [deg]", "limits [deg]", "viscous friction [N m s/rad]", "dry friction [N m]", "rotor inertia [kg m²]"
     )  # fmt: skip
-    kinds = [("joints", "Joints", heads, False), ("sliding", "Prismatic joints", (heads[0], *sliding), True)]
+    sliding = ("start [m]", "limits [m]", "viscous friction [N s/m]", "dry friction [N]", "rotor [kg]")
+    arm, starts = study.scene.arm, study.scene.starts
+    kinds = [("joints", "Joints", turning, False), ("sliding", "Prismatic joints", sliding, True)]
     for key, title, columns, slides in kinds:
         links = [(link, start) for link, start in zip(arm.links, starts, strict=True) if link.joint.slides == slides]
         if links:
-            yield Table(key, title, columns, tuple(_joint(link, start) for link, start in links))
+            yield Table(key, title, ("joint", *columns), tuple(_joint(link, start) for link, start in links))
 
 
 def _joint(link: Link, start: float) -> tuple[Cell, ...]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexlink.chain.layout import base_body
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.joint_units import OF_JOINT
 from flexlink.dynamics.placement import frames
@@ -16,7 +15,7 @@ from flexlink.pages.style import NAMED_CURVES, colour_along, legend_over, stacke
 from flexlink.pages.tables import columns_csv, table_csv
 from flexlink.pages.verdict import Verdict
 from flexlink.results.pictures.view import views_of
-from flexlink.scene_report.arm_picture import draw_shadow, panels
+from flexlink.scene_report.arm_picture import draw_shadow, of_arm, panels
 from flexlink.scene_report.study import Study
 
 
@@ -45,13 +44,13 @@ def _postures(study: Study) -> Picture:
     run, chain = study.run, study.chain
     chosen = np.unique(np.linspace(0, len(run.t) - 1, 9).astype(int))
     points = np.array([frames(chain, run.q[k]).points for k in chosen])
-    seen = points[:, max(base_body(chain) - 1, 0) :]
+    seen = of_arm(chain, points)
     views = views_of(chain, seen)
     figure, axes = panels(views, chain, np.concatenate([seen.reshape(-1, 3), run.tip]))
     for panel, view in zip(axes, views, strict=True):
         panel.plot(*view.flat(run.tip), color=GREY, linewidth=0.8, zorder=1)
         for posture, part in zip(points, np.linspace(0, 1, len(chosen)), strict=True):
-            draw_shadow(panel, view, posture, chain, colour=colour_along(part))
+            draw_shadow(panel, view, posture, chain, color=colour_along(part), zorder=1)
     heads = ("time [s]", "body", "x [m]", "y [m]", "z [m]")
     times = run.t[chosen].tolist()
     lines = [(t, k, *p) for t, posture in zip(times, points.tolist(), strict=True) for k, p in enumerate(posture)]

@@ -9,7 +9,6 @@ import numpy as np
 from flexlink.common.types import Array
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.vibration.steady import rest_of
-from flexlink.motion.inputs.actuation import initial_wrench
 from flexlink.pages.colours import BLUE, GREY, INK
 from flexlink.pages.numbers import number
 from flexlink.pages.part import Part
@@ -29,10 +28,9 @@ def made(study: Study) -> Part | None:
         return None
     angles, end = goal
     chain, run = study.chain, study.run
-    wrench, frame = initial_wrench(study.scene, chain)
     at = run.q[-1].copy()
     at[chain.active] = angles
-    rest = rest_of(chain, at, tip_wrench=wrench, frame=frame)
+    rest = rest_of(chain, at, **study.load)
     target = tip_position(chain, rest.q)
     if end >= run.t[-1]:
         return Part((
@@ -47,7 +45,7 @@ def made(study: Study) -> Part | None:
     sentences = [
         f"Residual vibration: {number(1e3 * left)} mm after the reference ends ({number(end)} s). At the end of the "
         f"run the tip is {number(1e3 * off)} mm from its target, its static position at the final joint angles "
-        "including gravity sag.",
+        "including gravity sag."
     ]
     if way > 0:
         sentences.append(f"Overshoot: {number(1e3 * run.overshoot(target=target))} mm.")
@@ -63,7 +61,7 @@ def _goal(study: Study) -> tuple[Array, float] | None:
     if course is not None:
         end = float(course.knots[-1])
         return course(end)[0], end
-    links = [chain.coordinate(int(k)).link - 1 for k in chain.active]
+    links = [chain.coordinates[k].link - 1 for k in chain.active]
     return scene.joint_targets[links], scene.initial.time
 
 

@@ -10,7 +10,6 @@ from flexlink.common.types import Array
 from flexlink.dynamics.equilibrium import buckling_loads
 from flexlink.dynamics.placement import frames, tip_position, unbent
 from flexlink.dynamics.terms import bias_torque
-from flexlink.motion.inputs.actuation import initial_wrench
 from flexlink.pages.numbers import number
 from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture
@@ -26,13 +25,9 @@ def made(study: Study) -> Part:
     """Build the chapter."""
     chain, q = study.chain, study.start[0]
     if not study.bends:
-        wrench, frame = initial_wrench(study.scene, chain)
-        held = bias_torque(chain, q, np.zeros(chain.n), tip_wrench=wrench, frame=frame)
-        return Part(
-            ("All links are rigid. The joints are locked at their initial angles.",),
-            facts=_held(chain, held),
-            tables=_holding(chain, q, held),
-        )
+        held = bias_torque(chain, q, np.zeros(chain.n), **study.load)
+        rigid = ("All links are rigid. The joints are locked at their initial angles.",)
+        return Part(rigid, facts=_held(chain, held), tables=_holding(chain, q, held))
     rest = study.rest
     sag = _without_rounding(tip_position(chain, rest.q) - tip_position(chain, unbent(chain, rest.q)))
     size = float(np.linalg.norm(sag))
@@ -47,10 +42,8 @@ def made(study: Study) -> Part:
     pictures = (_picture(study, size),) if size > 0 else ()
     sags = Fact(f"{number(1e3 * size)} mm", "Sag of the tip under gravity and load, driven joints locked")
     facts = (*((sags,) if size > 0 else ()), *_held(chain, rest.tau))
-    return Part(
-        tuple(filter(None, sentences)), facts=facts, pictures=pictures,
-        tables=_holding(chain, rest.q, rest.tau),
-    )  # fmt: skip
+    tables = _holding(chain, rest.q, rest.tau)
+    return Part(tuple(filter(None, sentences)), facts=facts, pictures=pictures, tables=tables)
 
 
 def _held(chain: Chain, tau: Array) -> tuple[Fact, ...]:
@@ -60,9 +53,9 @@ def _held(chain: Chain, tau: Array) -> tuple[Fact, ...]:
     if not largest:
         return ()
     some, units = [number(abs(float(torques[k]))) for k in largest], [chain.torque_units[k] for k in largest]
-    values = "; ".join(some) + f" {units[0]}"
-    if len(set(units)) > 1:
-        values = "; ".join(f"{value} {unit}" for value, unit in zip(some, units, strict=True))
+    several = len(set(units)) > 1
+    each = [f"{value} {unit}" if several else value for value, unit in zip(some, units, strict=True)]
+    values = "; ".join(each) + ("" if several else f" {units[0]}")
     names = ", ".join(chain.joint_name(k) for k in largest)
     return (Fact(values, f"{'Largest h' if len(chain.active) > shown else 'H'}olding torques: {names}"),)
 
@@ -78,13 +71,11 @@ def _holding(chain: Chain, q: Array, tau: Array) -> tuple[Table, ...]:
 
 
 def _buckling(study: Study) -> str:
-    chain = study.chain
-    wrench, frame = initial_wrench(study.scene, chain)
-    if frame == "tip" or not (chain.gravity.any() or wrench.any()):
+    chain, wrench = study.chain, study.load["tip_wrench"]
+    if study.load["frame"] == "tip" or not (chain.gravity.any() or wrench.any()):
         return ""
     try:
-        held = chain.active.tolist()
-        factors = buckling_loads(chain, study.rest.q, tip_wrench=wrench, locked=held)
+        factors = buckling_loads(chain, study.rest.q, tip_wrench=wrench, locked=chain.active.tolist())
     except FlexlinkError as error:
         return f"Buckling load not computed: {error}."
     if not len(factors):
@@ -96,13 +87,13 @@ def _picture(study: Study, size: float) -> Picture:
     chain, rest = study.chain, study.rest
     straight, bent = (frames(chain, q).points for q in (unbent(chain, rest.q), rest.q))
     visible = 0.08  # smallest sag of the tip in the picture, as a fraction of the arm's size
-    scale = max(1.0, _round(visible * study.size / size))
+    scale = max(1.0, _round(visible * study.chain.size / size))
     shown = straight + scale * (bent - straight)
     both = np.stack([straight, shown])
     views = views_of(chain, both)
     figure, axes = panels(views, chain, both)
     for panel, view in zip(axes, views, strict=True):
-        draw_shadow(panel, view, straight, chain, "undeformed")
+        draw_shadow(panel, view, straight, chain, label="undeformed", zorder=1)
         draw_arm(panel, view, shown, chain)
     legend_over(axes[0], figure=figure)
     csv = table_csv(

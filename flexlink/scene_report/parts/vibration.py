@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexlink.chain.layout import as_lines
 from flexlink.dynamics.vibration.modal import Modes
 from flexlink.dynamics.vibration.steady import modes_at_rest
-from flexlink.motion.inputs.actuation import initial_wrench
-from flexlink.pages.colours import BLUE, GREY, VERMILION
+from flexlink.pages.colours import BLUE, VERMILION
 from flexlink.pages.numbers import number
 from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture
@@ -17,6 +15,7 @@ from flexlink.pages.tables import Cell, Table, table_csv
 from flexlink.pages.verdict import Fact
 from flexlink.results.convergence import resolved
 from flexlink.results.pictures.view import view_of_motion
+from flexlink.scene_report.arm_picture import draw_shadow
 from flexlink.scene_report.study import Study
 
 from matplotlib.figure import Figure  # isort: skip
@@ -27,25 +26,20 @@ def made(study: Study) -> Part | None:
     if not study.bends:
         return None
     chain, rest = study.chain, study.rest
-    wrench, frame = initial_wrench(study.scene, chain)
-    found = modes_at_rest(chain, rest, tip_wrench=wrench, frame=frame)
-    sentences: tuple[str, ...] = (
-        _first(found) + " Small vibrations about the static equilibrium, driven joints locked.",
-        "" if found.stable else "The equilibrium is unstable: at least one mode grows.",
-    )
+    found = modes_at_rest(chain, rest, **study.load)
+    sentences = [_first(found) + " Small vibrations about the static equilibrium, driven joints locked."]
+    if not found.stable:
+        sentences.append("The equilibrium is unstable: at least one mode grows.")
     fine = resolved(found, chain)
     if not all(fine):
-        coarse = (
+        sentences.append(
             f"From mode {1 + fine.index(False)} on, some links have fewer than two hinges per half-wave. These "
             "frequencies depend on the number of segments; more segments resolve them."
         )
-        sentences += (coarse,)
     heads = ("mode", "frequency [Hz]", "damping ratio", "kind", "tip moves most along", "resolved by the hinges")
     lines = tuple((*_line(found, k), "yes" if fine[k] else "no") for k in range(len(found.eigenvalues)))
     table = Table("modes", "Natural frequencies", heads, lines, to_look_up=len(lines) > 12)
-    return Part(
-        tuple(filter(None, sentences)), facts=_facts(found), pictures=(_picture(study, found, fine),), tables=(table,)
-    )
+    return Part(tuple(sentences), facts=_facts(found), pictures=(_picture(study, found, fine),), tables=(table,))
 
 
 def _first(found: Modes) -> str:
@@ -61,10 +55,8 @@ def _facts(found: Modes) -> tuple[Fact, ...]:
     hertz = [float(f) for f, kind in zip(found.hertz, found.kinds, strict=True) if kind == "elastic"][:2]
     if not hertz:
         return ()
-    values = "; ".join(map(number, hertz))
-    return (
-        Fact(f"{values} Hz", f"First elastic {'frequencies' if len(hertz) > 1 else 'frequency'}, driven joints locked"),
-    )
+    named = "frequencies" if len(hertz) > 1 else "frequency"
+    return (Fact(f"{'; '.join(map(number, hertz))} Hz", f"First elastic {named}, driven joints locked"),)
 
 
 def _line(found: Modes, k: int) -> tuple[Cell, ...]:
@@ -74,7 +66,7 @@ def _line(found: Modes, k: int) -> tuple[Cell, ...]:
 
 
 def _picture(study: Study, found: Modes, fine: tuple[bool, ...]) -> Picture:
-    amplitude = 0.08 * study.size
+    amplitude = 0.08 * study.chain.size
     shown = min(4, len(found.eigenvalues))
     figure = Figure(figsize=(WIDTH, 2.3 * ((shown + 1) // 2)), layout="constrained")
     axes = np.atleast_1d(figure.subplots((shown + 1) // 2, 2, squeeze=False)).ravel()
@@ -86,15 +78,9 @@ def _picture(study: Study, found: Modes, fine: tuple[bool, ...]) -> Picture:
         path = found.paths[k].real if np.abs(found.paths[k].real).max() > 0 else found.paths[k].imag
         bent = found.points + amplitude / (np.abs(path).max() or 1.0) * path
         view = view_of_motion(study.chain, found.points, bent)
-        panel.plot(*view.flat(as_lines(study.chain, found.points, base=False)), color=GREY, linewidth=1.0)
-        line = "-" if fine[k] else "--"
-        panel.plot(
-            *view.flat(as_lines(study.chain, bent, base=False)),
-            line,
-            color=BLUE if fine[k] else VERMILION,
-            marker=".",
-            markersize=4,
-        )
+        draw_shadow(panel, view, found.points, study.chain, base=False)
+        look = {"linestyle": "-", "color": BLUE} if fine[k] else {"linestyle": "--", "color": VERMILION}
+        draw_shadow(panel, view, bent, study.chain, base=False, linewidth=None, marker=".", markersize=4, **look)
         coarse = "" if fine[k] else ", not resolved"
         frequency = f"{number(float(found.hertz[k]))} Hz" if np.isfinite(found.hertz[k]) else "unstable, no frequency"
         panel.set_title(f"{k + 1}: {frequency}{coarse}")
