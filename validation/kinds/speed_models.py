@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import msgspec
 from msgspec.structs import replace
 
+from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.wording import plural
 from flexlink.describe.scene import Scene
@@ -21,7 +22,8 @@ from validation.case import Case, Measured
 from validation.runs import stable_steps
 from validation.store import Series, table
 from validation.trade.error_parts import TYPES, Fine, Setup, Type
-from validation.trade.native_ladder import OF_STABLE, timed_run
+from validation.trade.scenes import seen
+from validation.trade.with_flexlink import OF_STABLE, timed_run
 
 TIMED = True
 
@@ -125,4 +127,5 @@ def _made(scene: Scene, setup: Setup, truth: Any, motion: float, longest: float)
         runs = [timed_run(cut, longest) for _ in range(3)]
     except FlexlinkError:
         return None
-    return Run(setup, largest_distance(runs[0].seen.tip, truth) / motion, min(each.seconds for each in runs))
+    tip = seen(lump(cut), runs[0].q).tip
+    return Run(setup, largest_distance(tip, truth) / motion, min(each.seconds for each in runs))

@@ -1,7 +1,7 @@
 """CPU time at equal tip error: the cheapest chain of one family of lumping rules against the cheapest of another.
 
 Every family uses its own cheapest number of hinges and tolerance; only the time of the steps counts
-(`native_ladder.timed_run`). The reference is a finer chain, whose error is estimated with a coarser one.
+(`with_flexlink.timed_run`). The reference is a finer chain, whose error is estimated with a coarser one.
 """
 
 from __future__ import annotations

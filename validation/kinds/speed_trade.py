@@ -3,7 +3,7 @@
 Times are CPU times of the thread during the runs, without set-up and compilation. Other programs' times are
 interpolated between their runs and extrapolated by order; a run that would take too long at the stability limit counts
 as free of error. For flexlink only runs that met the error count. Pinocchio's time is that of its evaluations only
-(`pinocchio_ladder`).
+(`with_pinocchio`).
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from flexlink.describe.spec import Positive, Spec
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.store import Series, table
-from validation.trade import mujoco_ladder, native_ladder, pinocchio_ladder, solver_ladder, witness_ladder
+from validation.trade import contestants, with_flexlink, with_mujoco, with_pinocchio
+from validation.trade.first_order import FirstOrder
 from validation.trade.scenes import scenes, trade_scene
 from validation.trade.work_precision import Cost, Point, cost
 
@@ -36,8 +37,8 @@ LAST_ERROR = 1e-8  # error at which the runs of a method end
 RK4, MUJOCO, PINOCCHIO, SOLVERS = "RK4", "MuJoCo", "Pinocchio", "solvers"
 ORDER_OF_RK4 = 4.0  # for extrapolation; also used for SciPy and CVODE unless their last points show a higher order
 ORDERS_OF_OTHERS: Mapping[str, Mapping[str, float]] = {
-    MUJOCO: mujoco_ladder.ORDER,
-    PINOCCHIO: pinocchio_ladder.ORDER,
+    MUJOCO: with_mujoco.ORDER,
+    PINOCCHIO: with_pinocchio.ORDER,
     "Exudyn": {"GeneralizedAlpha": 2.0, "TrapezoidalIndex2": 2.0},
 }
 
@@ -96,38 +97,37 @@ def _has_separate_limit(case: Case, name: str, quantity: str) -> bool:
 
 
 def _ours(name: str, settings: Settings) -> Ladders:
-    found = {each: native_ladder.by_tolerance(name, each, settings.budget, LAST_ERROR) for each in settings.methods}
-    return found | {each: native_ladder.by_step(name, each, settings.budget, LAST_ERROR) for each in settings.stepped}
+    found = {each: with_flexlink.by_tolerance(name, each, settings.budget, LAST_ERROR) for each in settings.methods}
+    return found | {each: with_flexlink.by_step(name, each, settings.budget, LAST_ERROR) for each in settings.stepped}
 
 
 def _others(name: str, settings: Settings) -> dict[str, Ladders]:
+    scene = trade_scene(name)
     found: dict[str, Ladders] = {
-        RK4: {native_ladder.LIMIT: native_ladder.by_step(name, "RK4", settings.budget, LAST_ERROR)},
-        MUJOCO: {} if trade_scene(name).motion else mujoco_ladder.points(name, settings.budget, LAST_ERROR),
+        RK4: {with_flexlink.LIMIT: with_flexlink.by_step(name, "RK4", settings.budget, LAST_ERROR)},
+        MUJOCO: {} if scene.motion else with_mujoco.points(name, scene, settings.budget, LAST_ERROR),
         SOLVERS: _solvers(name, settings) if name in settings.solver_scenes else {},
     }
     if settings.pinocchio:
-        found[PINOCCHIO] = pinocchio_ladder.points(name, settings.pinocchio_tolerances, settings.pinocchio, LAST_ERROR)
+        found[PINOCCHIO] = with_pinocchio.points(name, settings.pinocchio_tolerances, settings.pinocchio, LAST_ERROR)
     for engine in settings.witnesses if name in settings.witness_scenes else ():
         with contextlib.suppress(MissingDependencyError):
-            found[witness_ladder.NAMES[engine]] = witness_ladder.points(engine, name, settings.budget, LAST_ERROR)
+            found[contestants.WITNESSES[engine]] = contestants.witnessed(engine, name, settings.budget, LAST_ERROR)
     return found
 
 
 def _solvers(name: str, settings: Settings) -> Ladders:
-    found: Ladders = {}
+    form, found = FirstOrder(trade_scene(name)).compiled(), dict[str, list[Point]]()
     for solver in settings.solvers:
-        try:
-            found[solver] = solver_ladder.points(name, solver, settings.solver_tolerances)
-        except MissingDependencyError:  # CVODE is optional; SciPy's best solver is present
-            continue
+        with contextlib.suppress(MissingDependencyError):  # CVODE is optional; SciPy's best solver is present
+            found[solver] = contestants.refined(name, form, solver, settings.solver_tolerances)
     return found
 
 
 def _rows(name: str, aim: Aim, ours: Ladders, others: dict[str, Ladders]) -> Iterator[Measured]:
     ours, others = _seen(aim, ours), {group: _seen(aim, ladders) for group, ladders in others.items()}
     for method in ours:
-        if own := native_ladder.cheapest({method: ours[method]}, aim.error):
+        if own := with_flexlink.cheapest({method: ours[method]}, aim.error):
             yield Measured("CPU time", 1e3 * own[1].seconds, name, varied=aim.facts(method), timed=True)
             yield Measured("evaluations", own[1].evaluations, name, varied=aim.facts(method), timed=True)
     for group, ladders in others.items():
@@ -139,7 +139,7 @@ def _rows(name: str, aim: Aim, ours: Ladders, others: dict[str, Ladders]) -> Ite
             if (evaluations := _cost(group, each, work, aim.error)) and evaluations.seconds:
                 yield Measured("evaluations", round(evaluations.seconds), name, group, facts, timed=True)
         if costs:
-            best = native_ladder.cheapest(ours if group == RK4 else ours | others[RK4], aim.error)
+            best = with_flexlink.cheapest(ours if group == RK4 else ours | others[RK4], aim.error)
             yield from _ratios(name, group, aim, costs, best)
 
 

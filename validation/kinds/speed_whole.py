@@ -11,24 +11,26 @@ time is that of its evaluations in a C++ loop only.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from flexlink.chain.lumping import lump
 from flexlink.describe.spec import Positive
+from flexlink.engines.mujoco import quiet
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.trade import mujoco_ladder, native_ladder, pinocchio_ladder
+from validation.trade import with_flexlink, with_mujoco, with_pinocchio
 from validation.trade.scenes import trade_scene
-from validation.trade.whole_calls import described, loading_mujoco, loading_pinocchio, prepared
+from validation.trade.with_flexlink import described, prepared
 from validation.trade.work_precision import Point, cost
 
 TIMED = True
 
 Ladders = dict[str, list[Point]]
-ROUNDS = 3
+ROUNDS, REPEATS = 3, 5
 RIGID, OF_ORDER = ", rigid", 1e-4  # suffix for arms without springs, at errors up to 1e-4
 CLOCKS = {"prepared": prepared, "description": described}
-ORDERS: Mapping[str, Mapping[str, float]] = {"MuJoCo": mujoco_ladder.ORDER, "Pinocchio": pinocchio_ladder.ORDER}
+ORDERS: Mapping[str, Mapping[str, float]] = {"MuJoCo": with_mujoco.ORDER, "Pinocchio": with_pinocchio.ORDER}
 
 
 def run(
@@ -48,23 +50,35 @@ def run(
     smallest = min(errors)
 
     def mujoco(name: str) -> Ladders:
-        return mujoco_ladder.points(name, budget, smallest)
+        return with_mujoco.points(name, trade_scene(name), budget, smallest)
 
-    def native(name: str, clock: native_ladder.Clock) -> Ladders:
-        return {each: native_ladder.by_tolerance(name, each, budget, smallest, clock) for each in methods}
+    def native(name: str, clock: with_flexlink.Clock) -> Ladders:
+        return {each: with_flexlink.by_tolerance(name, each, budget, smallest, clock) for each in methods}
 
     for name in scenes:
         chain = lump(trade_scene(name))
         rounds = [(mujoco(name), *(native(name, clock) for clock in CLOCKS.values())) for _ in range(ROUNDS)]
         of_mujoco, *ours = (_fastest(ladders) for ladders in zip(*rounds, strict=True))
-        of_pinocchio = pinocchio_ladder.points(name, pinocchio_tolerances, pinocchio, smallest)
-        others = {
-            "MuJoCo": (of_mujoco, loading_mujoco(chain)),
-            "Pinocchio": (of_pinocchio, loading_pinocchio(chain)),
-        }
+        of_pinocchio = with_pinocchio.points(name, pinocchio_tolerances, pinocchio, smallest)
+        with quiet():
+            others = {
+                "MuJoCo": (of_mujoco, least_seconds(with_mujoco.loading(chain))),
+                "Pinocchio": (of_pinocchio, least_seconds(with_pinocchio.loading(chain))),
+            }
         for what, ladders in zip(CLOCKS, ours, strict=True):
             for error in errors:
                 yield from _rows(name, what, error, ladders, others)
+
+
+def least_seconds(call: Callable[[], object]) -> float:
+    """Least CPU time of several calls [s]."""
+
+    def seconds() -> float:
+        begun = time.thread_time()
+        call()
+        return time.thread_time() - begun
+
+    return min(seconds() for _ in range(REPEATS))
 
 
 def _fastest(rounds: Sequence[Ladders]) -> Ladders:
@@ -81,10 +95,10 @@ def _rows(
     name: str, what: str, error: float, ours: Ladders, others: dict[str, tuple[Ladders, float]]
 ) -> Iterator[Measured]:
     for method, points in ours.items():
-        if own := native_ladder.cheapest({method: points}, error):
+        if own := with_flexlink.cheapest({method: points}, error):
             facts: Facts = {"method": method, "error": error}
             yield Measured(f"CPU time, {what}", 1e3 * own[1].seconds, name, varied=facts, timed=True)
-    best, rigid = native_ladder.cheapest(ours, error), "" if lump(trade_scene(name)).stiffness.any() else RIGID
+    best, rigid = with_flexlink.cheapest(ours, error), "" if lump(trade_scene(name)).stiffness.any() else RIGID
     for group, (ladders, loading) in others.items():
         costs = {
             each: known.seconds

@@ -13,7 +13,7 @@ from reports.findings import trade_formulations as finding
 from reports.results import Results
 from tests.support.words import refused, reviewed
 from validation.case import CASES, load_case
-from validation.formulations import drake_chains, flexlink_links, ladder, mujoco_chains, pinocchio_chains
+from validation.formulations import exported_chains, flexlink_links, ladder
 from validation.formulations.ladder import FORMULATIONS, Formulation, Rung, cheapest, climb, most_accurate, smallest
 from validation.formulations.outcome import Outcome
 from validation.formulations.stored import galerkin_arm
@@ -157,16 +157,16 @@ def test_strain_modes_and_chains_run_with_their_numbers_of_coordinates() -> None
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "module, solver, setting",
-    [(mujoco_chains, "implicitfast", {"step": 1e-4}), (pinocchio_chains, "Radau", {"tolerance": 1e-4})],
+    "element, setting",
+    [("mujoco implicitfast", {"step": 1e-4}), ("pinocchio Radau", {"tolerance": 1e-4})],
     ids=["mujoco", "pinocchio"],
 )
-def test_other_programs_compute_the_same_chain_as_flexlink(module, solver: str, setting: dict[str, float]) -> None:
+def test_other_programs_compute_the_same_chain_as_flexlink(element: str, setting: dict[str, float]) -> None:
     task = task_of(
         "crane", replace(FULL_TASKS["crane"], change={"run.duration": 0.2, "run.sample": 0.05}, reference="")
     )
     ours = flexlink_links.run(task, "gauss", {"hinges": 2, "tolerance": 1e-7})
-    theirs = module.run(task, solver, {"hinges": 2} | setting)
+    theirs = exported_chains.run(task, element, {"hinges": 2} | setting)
     assert theirs.tip == pytest.approx(ours.tip, abs=1e-4 * task.length)
     assert not np.allclose(theirs.tip, ours.tip[0], atol=1e-2), "the crane has moved"
     assert theirs.coordinates == ours.coordinates
@@ -177,11 +177,11 @@ def test_drake_computes_the_same_chain_as_flexlink_and_gives_up_in_time(monkeypa
     pytest.importorskip("pydrake")
     task = task_of("paper_arm", replace(FULL_TASKS["paper_arm"], change={"run.duration": 0.2, "run.sample": 0.05}))
     ours = flexlink_links.run(task, "gauss", {"hinges": 2, "tolerance": 1e-7})
-    theirs = drake_chains.run(task, "radau3", {"hinges": 2, "accuracy": 1e-5})
+    theirs = exported_chains.run(task, "drake radau3", {"hinges": 2, "accuracy": 1e-5})
     assert theirs.tip == pytest.approx(ours.tip, abs=1e-4 * task.length)
-    monkeypatch.setattr(drake_chains, "LONGEST", 0.0)
+    monkeypatch.setattr(exported_chains, "LONGEST", 0.0)
     with pytest.raises(FlexlinkError):
-        drake_chains.in_drake(flexlink_links.chain_scene(task, "gauss", {"hinges": 2}), "radau3", 1e-3)
+        exported_chains.in_drake(flexlink_links.chain_scene(task, "gauss", {"hinges": 2}), "radau3", 1e-3)
 
 
 def test_independent_solvers_refuse_drives_that_they_would_ignore() -> None:

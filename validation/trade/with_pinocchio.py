@@ -1,4 +1,4 @@
-"""Time for a given error with Pinocchio's ABA in RK4, and in SciPy's DOP853 and Radau.
+"""Pinocchio's ABA in RK4, and in SciPy's DOP853 and Radau.
 
 Runs are made from Python, but only the number of evaluations × the time of one ABA counts. The time of one ABA is the
 least of repeated calls of `abaInParallel` on one thread, a C++ loop over many states, with the fastest type of joints.
@@ -19,12 +19,14 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.engines.pinocchio import PinocchioEngine
+from flexlink.formats.urdf import to_urdf
 from validation.runs import stable_steps
 from validation.speed.families import timed_states
 from validation.speed.pinocchio_models import build_all
-from validation.trade.first_order import FirstOrder, Solved
-from validation.trade.scenes import OUTPUTS, point, seen, trade_scene
-from validation.trade.work_precision import Point, ladder
+from validation.trade.contestants import by_steps, refined
+from validation.trade.first_order import FirstOrder
+from validation.trade.scenes import trade_scene
+from validation.trade.work_precision import Point, Run
 
 ORDER = {"RK4": 4.0, "DOP853": 8.0, "Radau": 5.0}
 EVALUATIONS_OF_A_STEP = {"RK4": 4, "DOP853": 12}
@@ -74,46 +76,45 @@ def seconds_of_aba(chain: Chain) -> float:
     return best
 
 
+class Pinocchio:
+    """A scene in Pinocchio, whose runs take at most `most` evaluations, because they are slow in Python."""
+
+    def __init__(self, scene: Scene, most: float) -> None:
+        self.form = PinocchioForm(scene, most)
+        self.scene, self.chain = scene, self.form.chain
+        self.aba = seconds_of_aba(self.chain)
+
+    def run(self, method: str, setting: float) -> Run:
+        """Run RK4 with a number of steps between samples, SciPy's solvers with a relative tolerance."""
+        self.form.evaluations = 0
+        try:
+            q, _, count = self.form.by_rk4(round(setting)) if method == "RK4" else self.form.by_scipy(method, setting)
+        except np.linalg.LinAlgError as error:
+            raise FlexlinkError(f"{self.scene.name}: {method} diverges: {error}") from error
+        return Run(q, count * self.aba, count)
+
+
+def loading(chain: Chain) -> Callable[[], object]:
+    """A call that reads a chain's URDF and creates its data."""
+    text = to_urdf(chain, shapes=False)
+    return lambda: pin.buildModelFromXML(text).createData()
+
+
 def points(name: str, tolerances: Sequence[float], most: int, smallest: float) -> dict[str, list[Point]]:
     """Run RK4 with stable steps, and SciPy's solvers; the time of explicit runs that would be too long is estimated.
 
-    `most` limits the evaluations of a run, because runs are slow in Python. `tolerances` are the solvers' relative
-    tolerances; the absolute ones are a hundredth of them.
+    `most` limits the evaluations of a run. `tolerances` are the solvers' relative tolerances; the absolute ones are a
+    hundredth of them. Runs with a solver end with the first that fails.
     """
-    form = PinocchioForm(trade_scene(name), most)
-    aba, found = seconds_of_aba(form.chain), dict[str, list[Point]]()
-    for method, a_step in EVALUATIONS_OF_A_STEP.items():
-        first = stable_steps(form.scene, method)
-        evaluations = a_step * OUTPUTS * first
+    pinocchio, found = Pinocchio(trade_scene(name), most), dict[str, list[Point]]()
+    aba, run = pinocchio.aba, pinocchio.scene.run
+    for method in ORDER:
+        first = stable_steps(pinocchio.scene, method) if method in EVALUATIONS_OF_A_STEP else 0
+        evaluations = EVALUATIONS_OF_A_STEP.get(method, 0) * (run.samples - 1) * first
         if evaluations > most:
-            too_long = Point(form.scene.run.spacing / first, math.nan, evaluations * aba, math.nan, evaluations)
-            found[method] = [too_long]
+            found[method] = [Point(run.spacing / first, math.nan, evaluations * aba, math.nan, evaluations)]
         elif method == "RK4":
-            longest = aba * most
-
-            def run(steps: int) -> Point:
-                return _point(name, form, form.scene.run.spacing / steps, aba, lambda: form.by_rk4(steps))
-
-            found[method] = ladder(run, first, longest, smallest)
+            found[method] = by_steps(name, pinocchio, method, first, aba * most, smallest)
         else:
-            found[method] = _by_tolerance(name, form, method, aba, tolerances)
-    return found | {"Radau": _by_tolerance(name, form, "Radau", aba, tolerances)}
-
-
-def _by_tolerance(name: str, form: PinocchioForm, method: str, aba: float, tolerances: Sequence[float]) -> list[Point]:
-    found = []
-    for relative in tolerances:
-        point = _point(name, form, relative, aba, lambda r=relative: form.by_scipy(method, r))  # type: ignore[misc]
-        found.append(point)
-        if point.error == math.inf:  # finer tolerances take even more evaluations
-            break
+            found[method] = refined(name, pinocchio, method, tolerances, lambda last: last.error == math.inf)
     return found
-
-
-def _point(name: str, form: PinocchioForm, setting: float, aba: float, run: Callable[[], Solved]) -> Point:
-    form.evaluations = 0
-    try:
-        solved = run()
-    except FlexlinkError:
-        return Point(setting, math.inf, 0.0)
-    return point(name, seen(form.chain, solved.q), setting, solved.evaluations * aba, solved.evaluations)

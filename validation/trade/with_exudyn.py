@@ -1,4 +1,4 @@
-"""Time for a given error with Exudyn's integrators at fixed steps on the exported URDF.
+"""Exudyn's integrators at fixed steps on the exported URDF.
 
 Scenes with a drive, dry friction or load are excluded, since Exudyn would call Python for them. A run is one call, in
 which Exudyn stores the outputs. The time of a call with a single step is subtracted from it, as set-up.
@@ -6,7 +6,6 @@ which Exudyn stores the outputs. The time of a call with a single step is subtra
 
 from __future__ import annotations
 
-import math
 import time
 
 import exudyn as exu
@@ -14,10 +13,12 @@ import numpy as np
 from exudyn.itemInterface import SensorNode
 
 from flexlink.chain.lumping import lump
+from flexlink.common.errors import FlexlinkError
+from flexlink.describe.scene import Scene
 from flexlink.engines.exudyn import ExudynEngine, _settings
 from flexlink.motion.inputs.initial_state import initial_state
-from validation.trade.scenes import OUTPUTS, point, seen, trade_scene
-from validation.trade.work_precision import Point, ladders
+from validation.trade.contestants import stepped
+from validation.trade.work_precision import Point, Run
 
 SOLVERS = {
     "GeneralizedAlpha": exu.DynamicSolverType.GeneralizedAlpha,
@@ -26,19 +27,17 @@ SOLVERS = {
 }
 
 
-def points(name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
+def points(name: str, scene: Scene, budget: float, smallest: float) -> dict[str, list[Point]]:
     """Run all integrators with finer and finer steps; RK44 is only timed if stable steps exceed the budget."""
-    runs = ExudynRuns(name)
-    return ladders(runs.scene, SOLVERS, runs.run, runs.seconds_a_step, budget, smallest)
+    return stepped(name, Exudyn(scene), SOLVERS, budget, smallest)
 
 
-class ExudynRuns:
-    """A scene of the trade study in Exudyn, with a sensor of its angles."""
+class Exudyn:
+    """A scene in Exudyn, with a sensor of its angles."""
 
-    def __init__(self, name: str) -> None:
-        self.name, self.scene = name, trade_scene(name)
-        self.chain = lump(self.scene)
-        self.start, self.system = initial_state(self.scene, self.chain), ExudynEngine(self.chain)._whole
+    def __init__(self, scene: Scene) -> None:
+        self.scene, self.chain = scene, lump(scene)
+        self.start, self.system = initial_state(scene, self.chain), ExudynEngine(self.chain)._whole
         self.system.load(np.zeros(self.chain.n), None)
         angles = exu.OutputVariableType.Coordinates
         self.sensor = self.system.mbs.AddSensor(SensorNode(nodeNumber=0, storeInternal=True, outputVariableType=angles))
@@ -46,17 +45,16 @@ class ExudynRuns:
         self.setting_up = 0.0
         self.setting_up = min(self._seconds("RK44", 1e-9, 1)[0] for _ in range(3))
 
-    def run(self, solver: str, steps: int) -> Point:
-        """Run with `steps` steps between outputs; the error is infinite if Exudyn gives up."""
-        run = self.scene.run
-        seconds, good = self._seconds(solver, run.spacing / steps, steps * OUTPUTS)
+    def run(self, solver: str, steps: float) -> Run:
+        """Run with `steps` steps between samples."""
+        run, number = self.scene.run, round(steps * (self.scene.run.samples - 1))
+        seconds, good = self._seconds(solver, run.spacing / steps, number)
         stored = np.array(self.system.mbs.GetSensorStoredData(self.sensor))
         rows = [int(np.abs(stored[:, 0] - t).argmin()) for t in run.times]
         if not good or np.abs(stored[rows, 0] - run.times).max() > 1e-9 * run.duration:
-            return Point(run.spacing / steps, math.inf, 0.0)
+            raise FlexlinkError(f"{self.scene.name}: Exudyn's {solver} gives up with {steps:g} steps between samples")
         of_a_step = 4 if solver == "RK44" else 1  # 1: Exudyn does not report implicit methods' iterations
-        evaluations = of_a_step * steps * OUTPUTS
-        return point(self.name, seen(self.chain, stored[rows, 1:]), run.spacing / steps, seconds, evaluations)
+        return Run(stored[rows, 1:], seconds, of_a_step * number)
 
     def seconds_a_step(self, solver: str, steps_per_sample: int) -> float:
         """CPU seconds per step, from the first steps of a run."""

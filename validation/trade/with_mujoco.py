@@ -1,4 +1,4 @@
-"""Time for a given error with MuJoCo's integrators on the exported MJCF, at finer and finer steps, without Python.
+"""MuJoCo's integrators on the exported MJCF at fixed steps, without Python.
 
 What the file does not contain is added in the way that is fastest in MuJoCo: PD gains as MuJoCo's springs and dampers,
 which its implicit integrators treat implicitly; a constant drive as an applied force; dry friction and a table of
@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import mujoco
@@ -24,12 +24,13 @@ from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.engines.mujoco import MujocoEngine, quiet
+from flexlink.formats.mjcf import to_mjcf
 from flexlink.kernels.inputs.laws import PD, TABLE
 from flexlink.kernels.inputs.record import Drive
 from flexlink.motion.inputs.drives import drive_arrays
 from flexlink.motion.inputs.initial_state import initial_state
-from validation.trade.scenes import OUTPUTS, point, seen, trade_scene
-from validation.trade.work_precision import Point, ladders
+from validation.trade.contestants import stepped
+from validation.trade.work_precision import Point, Run
 
 INTEGRATORS = {
     "Euler": mujoco.mjtIntegrator.mjINT_EULER,
@@ -43,19 +44,18 @@ ORDER = {"Euler": 1.0, "implicit": 1.0, "implicitfast": 1.0, "discrete": 1.0, "R
 TIME_WITHIN, TIME_BLOCK = 1 << 19, 512  # bytes of mjData that are searched for its time, and bytes per block
 
 
-def points(name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
-    """Run all integrators with finer and finer steps on a scene; RK4 starts at flexlink's stability limit."""
-    runs = MujocoRuns(trade_scene(name))
-
-    def run(integrator: str, steps: int) -> Point:
-        q, seconds = runs.run(integrator, steps)
-        evaluations = EVALUATIONS_OF_A_STEP.get(integrator, 1) * OUTPUTS * steps
-        return point(name, seen(runs.chain, q), runs.scene.run.spacing / steps, seconds, evaluations)
-
-    return ladders(runs.scene, INTEGRATORS, run, runs.seconds_a_step, budget, smallest)
+def points(name: str, scene: Scene, budget: float, smallest: float) -> dict[str, list[Point]]:
+    """Run all integrators with finer and finer steps; RK4 starts at flexlink's stability limit."""
+    return stepped(name, Mujoco(scene), INTEGRATORS, budget, smallest)
 
 
-class MujocoRuns:
+def loading(chain: fl.Chain) -> Callable[[], object]:
+    """A call that reads and compiles a chain's MJCF and creates its data."""
+    text = to_mjcf(chain, shapes=False)
+    return lambda: mujoco.MjData(mujoco.MjModel.from_xml_string(text))
+
+
+class Mujoco:
     """One scene in MuJoCo, loaded once, with any integrator and step.
 
     Raises
@@ -94,18 +94,18 @@ class MujocoRuns:
             self.model.qpos_spring[k] = drive.reference.coefficients[0, 0]
             self.model.dof_damping[k] += drive.kd
 
-    def run(self, integrator: str, steps_per_sample: int) -> tuple[Array, float]:
-        """Run to the end; angles at the samples (samples, n), nan after a failure, and CPU seconds in `mj_step`."""
-        run, data = self.scene.run, self.data
+    def run(self, integrator: str, steps: float) -> Run:
+        """Run with `steps` steps between samples, to the end or a failure; only `mj_step` is timed."""
+        run, data, steps = self.scene.run, self.data, round(steps)
         q = np.full((run.samples, self.chain.n), np.nan)
         q[0], seconds = self.start[0], 0.0
-        with self._prepared(integrator, run.spacing / steps_per_sample):
+        with self._prepared(integrator, run.spacing / steps):
             for row in range(1, run.samples):
-                seconds += _seconds_of(self.model, data, steps_per_sample)
+                seconds += _seconds_of(self.model, data, steps)
                 if data.warning.number.any() or not np.isfinite([data.qpos, data.qvel]).all():
                     break
                 q[row] = data.qpos
-        return q, seconds
+        return Run(q, seconds, EVALUATIONS_OF_A_STEP.get(integrator, 1) * (run.samples - 1) * steps)
 
     def seconds_a_step(self, integrator: str, steps_per_sample: int) -> float:
         """CPU seconds per step, from the first steps of a run."""
