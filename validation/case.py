@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import re
 from collections.abc import Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -144,6 +145,13 @@ def scene_file(name: str) -> Path:
     """The file of a scene, from the study's scenes or from models/."""
     own = STUDY_SCENES / f"{name}.toml"
     return own if own.is_file() else MODELS / f"{name}.toml"
+
+
+def module_of(kind: str) -> str:
+    """The module that defines a kind: a generator of its name, or `run` in a file of its name."""
+    named = re.compile(rf"^@kind.*\ndef {kind}\(", re.MULTILINE)
+    files = [path for path in (HERE / "kinds").glob("*.py") if named.search(path.read_text(encoding="utf-8"))]
+    return f"validation.kinds.{files[0].stem if files else kind}"
 
 
 NOTHING_VARIED: Facts = MappingProxyType({})

@@ -11,7 +11,7 @@ from flexlink.common.errors import DataFileError, SceneError
 from flexlink.describe.spec import decode
 from validation import row_counts
 from validation.case import CLAIM, Case, Measured
-from validation.kinds import KINDS, SETTINGS, Kind, measurements
+from validation.kinds import KINDS, Kind
 from validation.store import Row, Series
 
 
@@ -27,7 +27,7 @@ def measure(case: Case, key: str) -> Iterator[Row | Series]:
     missing = {quantity for quantity in case.quantity if case.demands(quantity)}
     rows: list[Row] = []
     start = time.perf_counter()
-    for result in measurements(kind, case, settings):
+    for result in kind.measurements(case, settings):
         if isinstance(result, Series):
             yield result
         elif result.quantity in case.quantity:  # a case may use only some quantities of its kind
@@ -47,10 +47,10 @@ def kind_of(case: Case) -> tuple[Kind, Any]:
     kind = KINDS.get(case.kind)
     if kind is None:
         raise DataFileError(
-            f"{case.path}: kind = {case.kind!r}: unknown; allowed are {', '.join(KINDS)}", id="unknown-name"
+            f"{case.path}: kind = {case.kind!r}: unknown; allowed are {', '.join(sorted(KINDS))}", id="unknown-name"
         )
     try:
-        return kind, decode(case.settings, SETTINGS[case.kind], "settings")
+        return kind, decode(case.settings, kind.settings, "settings")
     except SceneError as error:
         raise DataFileError(f"{case.path}: {error}") from None
 

@@ -22,6 +22,7 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from validation.case import Case, Measured
+from validation.kinds import kind
 from validation.oracles.planar_chain import DIGITS
 from validation.oracles.spatial_chain import SpatialChain, exactly
 from validation.physics.variant import Rule
@@ -41,6 +42,7 @@ class Settings(Spec, frozen=True):
     seed: int = 1
 
 
+@kind
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """Yield errors of the bar by method, of the strip by chain, and of drag torques against 50-digit arithmetic."""
     bar, strip, arm = case.load_scenes()

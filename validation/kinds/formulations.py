@@ -29,9 +29,8 @@ from validation.formulations.ladder import (
     smallest,
 )
 from validation.formulations.task import Described, Task, task_of
+from validation.kinds import kind
 from validation.store import Series, table
-
-TIMED = True
 
 OURS = "native"
 RUNS, STATED = "runs", "least error / stated"
@@ -56,17 +55,17 @@ class Climbed(NamedTuple):
     rungs: list[Rung]
 
 
-def rehearsal(settings: Settings) -> Settings:
-    """The first setting of every ladder, which compiles all kernels."""
-    first = {
+def _first_settings(task: dict[str, Described]) -> dict[str, Described]:
+    """Tasks with the first setting of every ladder."""
+    return {
         name: msgspec.structs.replace(
             each, ladder={key: {k: v[:1] for k, v in ladder.items()} for key, ladder in each.ladder.items()}
         )
-        for name, each in settings.task.items()
+        for name, each in task.items()
     }
-    return msgspec.structs.replace(settings, task=first)
 
 
+@kind(timed=True, rehearsal={"task": _first_settings})
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """Yield for each task and formulation the cheapest and smallest runs, the least error, and the series of runs."""
     for name in settings.scenes:

@@ -18,7 +18,6 @@ from reports.results import Results
 from reports.same import allowed
 from tests.conftest import ROOT
 from validation.case import ALL, load_cases
-from validation.kinds import measurements
 from validation.measuring import judged, kind_of
 from validation.store import Series, Store
 from validation.tests import studies
@@ -69,7 +68,7 @@ def test_a_case_is_within_its_limits_and_agrees_with_the_full_study(name: str, t
     case = replace(CASES[name], settings=CASES[name].settings | PARTS[name])
     kind, settings = kind_of(case)
     found, rows, series = defaultdict(list), [], []
-    for each in measurements(kind, case, settings):
+    for each in kind.measurements(case, settings):
         if isinstance(each, Series):
             series.append(each)
         elif each.quantity in case.quantity:

@@ -117,7 +117,7 @@ def test_an_unknown_input_or_load_is_refused(name, key):
     case = CASES[name]
     kind = KINDS[case.kind]
     with refused(fl.errors.ArgumentError, "unknown-name"):
-        list(kind.run(case, decode(case.settings | {key: "none such"}, kind.Settings)))
+        list(kind.run(case, decode(case.settings | {key: "none such"}, kind.settings)))
 
 
 @pytest.mark.parametrize("keys", [("no_such_file",), ("critical_loads", "no such key")])

@@ -119,7 +119,7 @@ GRID = {
 def found():
     """Rows and series of the case for a run of 0.1 s."""
     grid, case = decode(GRID, speed_models.Grid), replace(CASE, scenes=("paper_fig5",))
-    *rows, series = speed_models.run(case, scene={"paper_fig5": grid}, errors=(1e-1, 1e-5), budget=5.0)
+    *rows, series = speed_models.speed_models(case, scene={"paper_fig5": grid}, errors=(1e-1, 1e-5), budget=5.0)
     return rows, series
 
 

@@ -161,7 +161,7 @@ ready = lambda: {(name, f.py_func.__qualname__, s) for name, module in list(sys.
                  for f in vars(module).values() if isinstance(f, numba.core.dispatcher.Dispatcher) for s in f.overloads}
 before = ready()
 longer = {n: replace(f, segments=f.segments[1:2]) for n, f in settings.chain.items()}
-longer = replace(kind.rehearsal(settings), turns=2, chain=longer)
+longer = replace(kind.rehearsed(settings), turns=2, chain=longer)
 for _ in kind.run(case, longer):
     pass
 print(len(before), sorted(ready() - before))

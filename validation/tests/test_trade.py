@@ -68,7 +68,7 @@ def test_a_missing_engine_is_omitted_and_the_others_run_their_scenes(monkeypatch
     monkeypatch.setattr(contestants, "witnessed", points)
     monkeypatch.setattr(speed_trade.with_flexlink, "by_step", lambda *_: [])
     settings = {"errors": [1e-4], "methods": [], "budget": 1.0, "witnesses": ["drake", "exudyn"]}
-    chosen = decode(settings | {"scenes": ["p2p5"], "witness_scenes": ["p2p5"]}, speed_trade.Settings)
+    chosen = decode(settings | {"scenes": ["p2p5"], "witness_scenes": ["p2p5"]}, speed_trade.SpeedTradeSettings)
     assert speed_trade._others("p2p5", chosen)["Exudyn"] == points("exudyn")
     assert "Drake" not in speed_trade._others("p2p5", chosen)
     assert "Exudyn" not in speed_trade._others("p2p", chosen)

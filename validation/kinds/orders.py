@@ -1,18 +1,16 @@
-"""A manufactured solution: runs driven by a torque computed to 50 digits from a smooth motion must return the motion.
-
-This tests every term of the equation of motion, the inputs and every integrator: any deviation is an error.
-"""
+"""Orders of Runge-Kutta methods, measured, and on a manufactured solution."""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
-from mpmath import mpf
+from mpmath import mp, mpf
 
+from flexlink.chain.lumping import lump
 from flexlink.common.interruption import deferred
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
@@ -21,20 +19,89 @@ from flexlink.describe.spec import Positive, Spec
 from flexlink.kernels.inputs.record import PiecewisePolynomial
 from flexlink.motion.inputs.actuation import drive_for
 from flexlink.motion.inputs.drives import drive_of
+from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.inputs.problem import problem_of
+from flexlink.motion.simulate import simulate
 from flexlink.motion.single_run import SingleRun
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.oracles import manufactured
+from validation.kinds import kind
+from validation.oracles import exact_runge_kutta
+from validation.oracles import manufactured as solution
 from validation.oracles.manufactured import Motion, Wrench
+from validation.oracles.planar_chain import DIGITS, PlanarChain
 from validation.oracles.spatial_chain import Vector
 from validation.store import Series, table
+
+
+class Reference(Spec, frozen=True):
+    """The run whose end state is the reference."""
+
+    method: str
+    steps: int
+
+
+@kind
+def convergence(
+    case: Case,
+    segments: int,
+    duration: Positive,
+    arithmetic: Literal["float64", "extended"],
+    reference: Reference,
+    steps: dict[str, tuple[int, ...]],
+) -> Iterator[Measured | Series]:
+    """Measured order of the integrators: slope of log error against log step, in float64 or in 50 digits.
+
+    Yield the fitted slopes, their differences from the method's order, and by how much they are below the order.
+
+    Flexible links have `segments` segments; a run lasts `duration` [s]; `steps` are numbers of steps by method.
+    """
+    for full in case.load_scenes():
+        scene = full.varied({"link.*.segments": segments})
+        end = _extended if arithmetic == "extended" else _float64
+        exact = end(scene, reference.method, duration, reference.steps)
+        curves: list[tuple[str, float, float]] = []
+        for method, counts in steps.items():
+            h = duration / np.array(counts)
+            errors = [_distance(end(scene, method, duration, count), exact) for count in counts]
+            slope = float(np.polyfit(np.log(h), np.log(errors), 1)[0])
+            order = methods.method(method).order
+            facts: Facts = {
+                "method": method, "arithmetic": arithmetic, "step": float(h.max()), "to step": float(h.min()),
+            }  # fmt: skip
+            yield Measured("slope", slope, scene.name, varied=facts)
+            yield Measured("|slope − order|", abs(slope - order), scene.name, varied=facts)
+            yield Measured("order − slope", order - slope, scene.name, varied=facts)
+            curves += [(method, float(step), error) for step, error in zip(h, errors, strict=True)]
+        columns = table(("method", "step [s]", "error [rad]"), curves)
+        title = f"{scene.name}, {segments} segments: error after {duration:g} s"
+        labels = "step [s]", "step [s]", "max |Δq| [rad]"
+        yield Series("convergence", title, columns, *labels, "log", "log", group="method", scene=scene.name)
+
+
+def _float64(scene: Scene, method: str, duration: float, steps: int) -> list[float]:
+    step = duration / steps
+    run = simulate(scene, method=method, step=step, sample=duration, duration=duration)
+    return [float(x) for x in run.q[-1]]
+
+
+def _extended(scene: Scene, method: str, duration: float, steps: int) -> list[mpf]:
+    chain = lump(scene)
+    oracle = PlanarChain(chain)
+    q, qd = (part.tolist() for part in initial_state(scene, chain))
+    with mp.workdps(DIGITS):
+        return exact_runge_kutta.integrate(oracle.forward_dynamics, methods.method(method), (q, qd), duration, steps)[0]
+
+
+def _distance(a: list[float], b: list[float]) -> float:
+    return max(float(abs(x - y)) for x, y in zip(a, b, strict=True))
+
 
 SAMPLES = 5
 BETWEEN = 0.37  # fraction of a piece at which its torque is checked, away from the interpolation points
 
 
-class Settings(Spec, frozen=True, kw_only=True):
+class ManufacturedSettings(Spec, frozen=True, kw_only=True):
     """The motion, the number of pieces of its torque, two numbers of steps per method, and a `finest` one for some.
 
     `driven` and `held` are the largest amplitudes of driven joints and of joints with springs [rad, m]; `rates` are the
@@ -52,18 +119,24 @@ class Settings(Spec, frozen=True, kw_only=True):
     seed: int = 1
 
 
-def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """Yield the error of each method at two steps, its order, and the error of the torque's interpolation."""
+@kind
+def manufactured(case: Case, settings: ManufacturedSettings) -> Iterator[Measured | Series]:
+    """A manufactured solution: runs driven by a torque computed to 50 digits from a smooth motion must return it.
+
+    This tests every term of the equation of motion, the inputs and every integrator: any deviation is an error.
+
+    Yield the error of each method at two steps, its order, and the error of the torque's interpolation.
+    """
     (scene,) = case.load_scenes()
     scene = scene.varied({"run.duration": settings.duration, "run.sample": settings.duration / SAMPLES})
     chain = problem_of(scene).chain
-    moved = manufactured.motion(chain, (settings.driven, settings.held), settings.rates, settings.seed)
+    moved = solution.motion(chain, (settings.driven, settings.held), settings.rates, settings.seed)
     wrench = _wrench(scene)
     spline = PiecewisePolynomial(
-        *manufactured.torque_pieces(chain, moved, wrench, settings.duration, settings.pieces, settings.degree)
+        *solution.torque_pieces(chain, moved, wrench, settings.duration, settings.pieces, settings.degree)
     )
     at = spline.knots + BETWEEN * settings.duration / settings.pieces
-    exact = manufactured.torques(chain, at, moved, wrench)
+    exact = solution.torques(chain, at, moved, wrench)
     held = np.abs(_values(spline, at) - exact).max() / np.abs(exact).max()
     yield Measured("torque between its points", float(held), scene.name)
     rows = []
@@ -109,11 +182,11 @@ def _values(spline: PiecewisePolynomial, at: Array) -> Array:
 
 def _error(scene: Scene, method: str, steps: int, spline: PiecewisePolynomial, moved: Motion) -> float:
     """Largest difference of any joint from the motion over all samples; the torque drives every joint."""
-    q, qd = (rows[0] for rows in manufactured.states([0.0], moved))
+    q, qd = (rows[0] for rows in solution.states([0.0], moved))
     start = {"initial.q": q.tolist(), "initial.qd": qd.tolist()}
     problem = problem_of(scene.varied({"run.method": method, "run.step": scene.run.duration / steps, **start}))
     drive = drive_for(problem.chain, drive_of(np.arange(problem.chain.n), feedforward=spline))
     problem = dataclasses.replace(problem, inputs=problem.inputs._replace(drive=drive))
     with deferred() as stop:
         found = SingleRun(problem).finish(stop)
-    return float(np.abs(found.q - manufactured.states(found.t, moved)[0]).max())
+    return float(np.abs(found.q - solution.states(found.t, moved)[0]).max())
