@@ -151,7 +151,8 @@ def module_of(kind: str) -> str:
     """The module that defines a kind: a generator of its name, or `run` in a file of its name."""
     named = re.compile(rf"^@kind.*\ndef {kind}\(", re.MULTILINE)
     files = [path for path in (HERE / "kinds").glob("*.py") if named.search(path.read_text(encoding="utf-8"))]
-    return ".".join(("validation", "kinds", files[0].stem if files else kind))  # not one string: it would be a dependency
+    # not one string, in which dependencies would find all kinds
+    return ".".join(("validation", "kinds", files[0].stem if files else kind))
 
 
 NOTHING_VARIED: Facts = MappingProxyType({})

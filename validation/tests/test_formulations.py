@@ -8,8 +8,8 @@ import pytest
 from msgspec.structs import replace
 
 from flexlink.common.errors import ArgumentError, FlexlinkError
-from reports.figures import trade_formulations as figure
-from reports.findings import trade_formulations as finding
+from reports.figures import trade as figure
+from reports.findings import trade as finding
 from reports.results import Results
 from tests.support.words import refused, reviewed
 from validation.case import CASES, load_case
@@ -226,7 +226,7 @@ def study(tmp_path: Path, ratio: float) -> Results:
 
 
 def test_the_table_has_every_formulation_with_its_cost_or_why_it_has_none(tmp_path: Path) -> None:
-    (made,) = finding.find(study(tmp_path, 30.0))
+    (made,) = finding.trade_formulations(study(tmp_path, 30.0))
     ours, theirs, absent = made.lines
     assert ours[:4] == ("torque_pulse", "chain, gauss", 1.5, 9)
     assert theirs[2:] == (finding.NOT_REACHED, None, 2e-3, "elements 2")
@@ -236,13 +236,13 @@ def test_the_table_has_every_formulation_with_its_cost_or_why_it_has_none(tmp_pa
 
 
 def test_a_loss_is_stated(tmp_path: Path) -> None:
-    (made,) = finding.find(study(tmp_path, 0.5))
+    (made,) = finding.trade_formulations(study(tmp_path, 0.5))
     reviewed("formulations: lost", made.sentences[0])
     assert "0.5 (torque_pulse)" in made.sentences[0]
 
 
 def test_the_picture_shows_time_and_coordinates_of_the_best_runs(tmp_path: Path) -> None:
-    (picture,) = figure.draw(study(tmp_path, 30.0))
+    (picture,) = figure.trade_formulations(study(tmp_path, 30.0))
     lines = [
         {line.get_label(): line.get_ydata().tolist() for line in axes.lines if line.get_linestyle() == "-"}
         for axes in picture.figure.axes

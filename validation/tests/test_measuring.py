@@ -2,7 +2,6 @@
 
 import csv
 import gzip
-import itertools
 import re
 from collections import defaultdict
 from functools import cache
@@ -12,8 +11,8 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from reports import findings
-from reports.drawing import modules, pictures
+from reports.drawing import pictures
+from reports.findings import finding
 from reports.results import Results
 from reports.same import allowed
 from tests.conftest import ROOT
@@ -93,7 +92,7 @@ def check_what_is_made_of(folder: Path, name: str, series: list[Series]) -> None
         assert " " in picture.title + " ." * (picture.name == "overview")
         assert picture.caption.endswith(".")
         assert len({len(line) for line in csv.reader(picture.csv.splitlines())}) == 1
-    for table in itertools.chain.from_iterable(finder.find(results) for finder in modules(findings)):
+    for _, table in finding.made(results):
         assert re.fullmatch(r"[\w.\-]+", table.name), table.name
         assert all(isinstance(one, str) for one in (table.title, *table.heads, *table.sentences))
         assert {len(line) for line in table.lines} <= {len(table.heads)}, table.name

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexlink.describe.spec import decode
-from reports.findings import paper_claims
+from reports.findings.paper import paper_claims
 from reports.results import Results
 from tests.support.words import reviewed
 from validation.case import ALL, CLAIM, Measured, load_cases
@@ -152,7 +152,7 @@ def results(tmp_path):
 
 
 def test_every_claim_has_a_line_with_number_and_verdict(results):
-    (found,) = paper_claims.find(Results.read(results))
+    (found,) = paper_claims(Results.read(results))
     assert found.lines[1][0].split() == ["confirmed", "within", "limits"]
     assert found.lines[1][1:] == ("“claim 1”", "for T1", "1: max |Δ|")
     assert found.classes == ("pass", "doubt", "fail")
@@ -166,7 +166,7 @@ def test_a_claim_of_two_cases_has_the_verdict_of_the_case_with_more_arms(tmp_pat
             note=f"holds on {arms}", tolerance=None)
         for arms in (18, 81)
     ]  # fmt: skip
-    (found,) = paper_claims.find(Results.read(stored(tmp_path / "results", *rows)))
+    (found,) = paper_claims(Results.read(stored(tmp_path / "results", *rows)))
     assert [(line[1], line[2]) for line in found.lines] == [("“RK4 suffices”", "on 81")]
 
 

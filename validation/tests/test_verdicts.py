@@ -16,7 +16,7 @@ from docs.generators.study import failing
 from flexlink.common.errors import FlexlinkError
 from reports.build import build
 from reports.chapters import contents, sections
-from reports.findings import physics_published
+from reports.findings.physics import physics_published
 from reports.reference import Reference, read, save
 from reports.results import Results
 from reports.speed_limits import reason_of, reasons, speed_table
@@ -232,7 +232,7 @@ def test_differences_from_published_values_are_relative() -> None:
     columns = {"what": np.array(list("abcdef")), "published": theirs, "ours": ours}
     series = SimpleNamespace(columns=columns)
     results = SimpleNamespace(showing=lambda name: [("beam", series)], cases={"beam": [SimpleNamespace(title="Beam")]})
-    (table,) = physics_published.find(cast("Any", results))
+    (table,) = physics_published(cast("Any", results))
     shown = [str(line[3]).replace("−", "-") for line in table.lines]
     numbers = [float(text.removeprefix("at most ").split()[0].rstrip("%")) for text in shown]
     assert numbers == pytest.approx([0.1, -0.2, 0.0, 0.4, 5.0], abs=0.051)

@@ -1,4 +1,4 @@
-"""Verdict on the paper's conclusion, "RK4 suffices, RK10 is not justified", for the paper's arm."""
+"""The paper's claims and conclusion, and orders of its methods."""
 
 from __future__ import annotations
 
@@ -7,20 +7,71 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from flexlink.common.types import Array
+from flexlink.common.wording import plural
 from flexlink.pages.numbers import amount, number
-from flexlink.pages.tables import Table
+from flexlink.pages.tables import Cell, Table
+from reports.claims import CLAIM, CONFIRMED, IN_PART, REFUTED, judging, standing, words
 from reports.curves import floats, groups
+from reports.findings import finding
 from reports.results import Results
+from validation.store import Row
 
-SECTION = "integrators"
+
+@finding("claims")
+def paper_claims(results: Results) -> Iterator[Table]:
+    """The paper's claims, one per line: verdict, limits, and what was measured.
+
+    One table over all cases that check a claim.
+    """
+    claims = _once(judging(results.rows))
+    if claims:
+        heads = ("verdict", f"{CLAIM} of the paper", "limits", "measured")
+        lines = tuple(
+            (standing(row).word, f"“{words(row)}”", _limits(row), f"{amount(row.value, row.unit)}: {row.metric}")
+            for row in claims
+        )
+        classes = tuple(standing(row).state for row in claims)
+        title = "Claim by claim"
+        yield Table("paper_claims", title, heads, lines, (_sentence(claims),), opened=True, classes=classes)
+
+
+def _limits(row: Row) -> str:
+    """Limits within which the claim is confirmed."""
+    return row.note.removeprefix("holds").lstrip(" ;:")
+
+
+def _once(rows: list[Row]) -> list[Row]:
+    """Each claim once; if several cases check the same claim, the one with the most arms."""
+    found: dict[str, Row] = {}
+    for row in rows:
+        other = found.get(words(row))
+        if other is None or _arms(row) > _arms(other):
+            found[words(row)] = row
+    return list(found.values())
+
+
+def _arms(row: Row) -> float:
+    return float(row.varied.get("arms", 0))
+
+
+def _sentence(claims: Sequence[Row]) -> str:
+    found = [standing(row) for row in claims]
+    counts = ", ".join(f"{found.count(each)} {each.word}" for each in (CONFIRMED, IN_PART, REFUTED))
+    return f"{plural(len(claims), 'claim')}: {counts}."
+
+
 ERROR, WORK = "error [rad]", "evaluations per simulated second"
 TARGETS = tuple(float(f"1e-{k}") for k in range(1, 13))  # rad; one accuracy per decade
 
 Costs = Mapping[str, float]  # method → evaluations per simulated second, for the methods that reach an accuracy
 
 
-def find(results: Results) -> Iterator[Table]:
-    """One finding per scene of every comparison of methods."""
+@finding("integrators")
+def paper_conclusion(results: Results) -> Iterator[Table]:
+    """Verdict on the paper's conclusion, "RK4 suffices, RK10 is not justified", for the paper's arm.
+
+    One finding per scene of every comparison of methods.
+    """
     for case, series in results.showing("comparison"):
         works = {
             method: (floats(series.columns[WORK][rows]), floats(series.columns[ERROR][rows]))
@@ -93,3 +144,35 @@ def _span(targets: Sequence[float]) -> str:
 
 def _rad(target: float) -> str:
     return amount(target, "rad")
+
+
+MET, NEXT = "residual", "residual one order above"
+
+
+@finding("integrators")
+def order_conditions(results: Results) -> Iterator[Table]:
+    """Order of every Runge-Kutta method: residuals of its order conditions and of the next order.
+
+    One table over all cases.
+    """
+    values: dict[str, dict[str, float | None]] = {}
+    for _, rows in results.of_kind("order_conditions"):
+        for row in rows:
+            if row.quantity in (MET, NEXT):
+                values.setdefault(str(row.varied["method"]), {})[row.quantity] = row.value
+    if values:
+        lines: tuple[tuple[Cell, ...], ...] = tuple(
+            (name, *map(found.get, (MET, NEXT))) for name, found in values.items()
+        )
+        heads = ("method", "largest residual up to its order [1]", "largest residual one order above [1]")
+        title = "Order conditions of the Runge-Kutta methods"
+        yield Table("order_conditions.methods", title, heads, lines, (_orders_sentence(values),), to_look_up=True)
+
+
+def _orders_sentence(values: dict[str, dict[str, float | None]]) -> str:
+    met = max(found.get(MET) or 0.0 for found in values.values())
+    beyond = min((found[NEXT] or 0.0 for found in values.values() if NEXT in found), default=None)
+    words = f"All order conditions of {len(values)} sets of coefficients are satisfied to {amount(met, '')}"
+    if beyond is None:
+        return f"{words}."
+    return f"{words}. Conditions of the next order have residuals of {amount(beyond, '')} or more: no order is higher."
