@@ -67,10 +67,7 @@ class StudyReport(Report):
 
 
 def build(
-    results: Path,
-    out: Path,
-    reference_run: Path = reference.FOLDER,
-    beside_full: Path | None = stored_full.FOLDER,
+    results: Path, out: Path, reference_run: Path = reference.FOLDER, beside_full: Path | None = stored_full.FOLDER
 ) -> Path:
     """Write the report of a study: one self-contained page, a CSV per table, and a PNG, SVG and CSV per figure.
 
@@ -101,10 +98,7 @@ def build(
 
 
 def write(
-    study: Results,
-    out: Path,
-    reference_run: Path = reference.FOLDER,
-    beside_full: Path | None = stored_full.FOLDER,
+    study: Results, out: Path, reference_run: Path = reference.FOLDER, beside_full: Path | None = stored_full.FOLDER
 ) -> StudyReport:
     """Write the report of results that are already read, and return its contents."""
     beside, whole = reference.read(reference_run), stored_full.read(beside_full) if beside_full else None

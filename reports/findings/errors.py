@@ -16,12 +16,7 @@ from reports.results import Results
 from reports.wording import displayed
 from validation.store import Row, Series
 
-PARTS = {
-    "model": "link type",
-    "space": "number of hinges and rule",
-    "time": "method and step",
-    "rounding": "rounding",
-}
+PARTS = {"model": "link type", "space": "number of hinges and rule", "time": "method and step", "rounding": "rounding"}
 MM = 1e3  # millimetres per metre
 LITTLE = 0.01  # fraction of the error below which a part is not worth reducing
 

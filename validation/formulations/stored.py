@@ -130,7 +130,7 @@ FINE, COARSE, GAUSS = {"hinges": 24, "tolerance": 1e-8}, {"hinges": 12, "toleran
 SAME_STEPS = {"tolerance": 1e-8}
 RADAU = Witness("pinocchio Radau", {"hinges": 16, "tolerance": 1e-7, "most": 1e7})
 WITNESSES = {
-    "paper_arm": Witness("mujoco RK4", {"hinges": 16, "step": 1e-5}),  # undamped: explicit steps are cheaper
+    "paper_arm": Witness("mujoco RK4", {"hinges": 16, "step": 1e-5})  # undamped: explicit steps are cheaper
 }
 Computed = Callable[[Task], tuple[Array, dict[str, float], dict[str, Any]]]
 COMPUTED: dict[str, Computed] = {"soft_two_links": _two_links, "l_arm": _l_arm} | dict.fromkeys(

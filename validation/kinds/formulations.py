@@ -19,15 +19,7 @@ import msgspec
 from flexlink.describe.spec import Positive, Spec
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.formulations.ladder import (
-    ADVISE,
-    FORMULATIONS,
-    Rung,
-    cheapest,
-    climb,
-    most_accurate,
-    smallest,
-)
+from validation.formulations.ladder import ADVISE, FORMULATIONS, Rung, cheapest, climb, most_accurate, smallest
 from validation.formulations.task import Described, Task, task_of
 from validation.kinds import kind
 from validation.store import Series, table
