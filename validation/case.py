@@ -111,6 +111,11 @@ class Case(Spec, frozen=True):
         """Whether the case must measure this quantity; for a part, only quantities that begin with its name."""
         return not self.part or quantity.startswith(f"{self.part}, ")
 
+    def has_separate_limit(self, scene: str, quantity: str) -> bool:
+        """Whether a separate quantity of this scene replaces the limit for all scenes."""
+        own = self.quantity.get(f"{scene}, {quantity}")
+        return own is not None and bool(own.given_up)
+
     def is_meant_by(self, pattern: str) -> bool:
         """Whether a glob pattern matches the name or kind, or their first words; `by_name` cases match by name only."""
         names = (self.name, self.whole) if self.whole else (self.name,)

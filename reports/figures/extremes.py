@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -9,14 +10,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Patch, Rectangle
 from numpy.typing import NDArray
 
+from flexlink.common.types import Array
 from flexlink.pages.colours import BLUE, ENGINES, GREEN, GREY, ORANGE, PALE, PAPER, PURPLE, SKY, VERMILION, engine_name
+from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import legend_above, legend_over, stacked_axes, tidy_logs
+from flexlink.pages.style import WIDTH, legend_above, legend_over, stacked_axes, tidy_logs
 from flexlink.pages.tables import columns_csv, table_csv
-from reports.cells import fill, key, panels_beside, with_range
 from reports.figures import figure
 from reports.results import Results
 
@@ -79,7 +81,7 @@ def _alone(runs: Runs) -> Grid:
         for place, value in enumerate(dict.fromkeys(runs.varied[runs.axes == name].tolist()))
     }
     varied = {name: list(dict.fromkeys(runs.varied[runs.axes == name].tolist())) for name in names}
-    return Grid([with_range(name, varied[name]) for name in names], [], members)
+    return Grid([_with_range(name, varied[name]) for name in names], [], members)
 
 
 def _pairs(runs: Runs) -> Grid:
@@ -96,9 +98,9 @@ def _pairs(runs: Runs) -> Grid:
 
 def _picture(name: str, caption: str, grid: Grid, runs: Runs) -> Picture:
     seen = [engine for engine in ENGINES if engine in runs.engine]
-    figure, panels = panels_beside(seen, grid.rows, 1.0) if not grid.columns else _stacked(seen, grid)
+    figure, panels = _panels_beside(seen, grid.rows, 1.0) if not grid.columns else _stacked(seen, grid)
     rows = [row for axes, engine in zip(panels, seen, strict=True) for row in _panel(axes, grid, runs, engine)]
-    key(figure, list(zip(COLOURS, WORDS, strict=True)), 2)
+    _key(figure, list(zip(COLOURS, WORDS, strict=True)), 2)
     csv = table_csv(("engine", "axes", "varied", "runs", "wrong without a word", "recipe of the first"), rows)
     return Picture(name, TITLE, figure, caption, csv)
 
@@ -131,7 +133,7 @@ def _panel(axes: Axes, grid: Grid, runs: Runs, engine: str) -> Iterator[tuple[ob
         recipe = runs.recipe[wrong[0]] if wrong.size else ""
         varied = "" if grid.columns else runs.varied[first]
         yield ENGINES[engine].name, runs.axes[first], varied, int(np.sum(members)), wrong.size, recipe
-    fill(axes, colours, ListedColormap(COLOURS), WRONG)
+    _fill(axes, colours, ListedColormap(COLOURS), WRONG)
     axes.set_title(
         f"{ENGINES[engine].name}:{' ' if grid.columns else chr(10)}{np.sum(own & silent)} of {np.sum(own)}",
         loc="left",
@@ -170,8 +172,8 @@ def _map(case: str, columns: Mapping[str, NDArray[Any]], csv: str) -> Picture:
     axes_of, varied = columns["axes"].astype(str), columns["varied"].astype(str)
     alone = [name for name in dict.fromkeys(axes_of.tolist()) if " and " not in name]
     values = {name: list(dict.fromkeys(varied[axes_of == name].tolist())) for name in alone}
-    rows = [with_range(name, values[name]) for name in alone]
-    figure, panels = panels_beside(MAPPED, rows, 1.5)
+    rows = [_with_range(name, values[name]) for name in alone]
+    figure, panels = _panels_beside(MAPPED, rows, 1.5)
     for axes, engine in zip(panels, MAPPED, strict=True):
         digits = np.full((len(alone), max(map(len, values.values()))), np.nan)
         for row, name in enumerate(alone):
@@ -180,7 +182,7 @@ def _map(case: str, columns: Mapping[str, NDArray[Any]], csv: str) -> Picture:
                 axes.add_patch(Rectangle((place, row), 1, 1, facecolor=GREY, edgecolor="w", linewidth=0.6))
                 if np.isfinite(errors).any():
                     digits[row, place] = -np.log10(max(np.nanmax(errors), 10.0**-MOST))
-        shown = fill(axes, digits, SHADES, MOST)
+        shown = _fill(axes, digits, SHADES, MOST)
     figure.colorbar(shown, ax=panels, location="bottom", label="correct digits of q̈", fraction=0.03, pad=0.03)
     title = "Correct digits of q̈ at extreme parameters, compared with 100-digit arithmetic"
     return Picture(f"{case}.map", title, figure, MAP, csv)
@@ -267,3 +269,45 @@ def _in_order(way: str) -> tuple[str, float]:
         return words.casefold(), -float(end)
     except ValueError:
         return way.casefold(), 0.0
+
+
+ROW = 0.24  # height of a row of cells [in]
+LETTERS = 7.5  # font size of row names [pt]
+
+
+def _panels_beside(engines: Sequence[str], rows: Sequence[str], room: float) -> tuple[Figure, list[Axes]]:
+    """Figure with one panel per engine, the first with row names; `room` is the height without the rows [in]."""
+    figure = Figure(figsize=(WIDTH, room + ROW * len(rows)), layout="constrained")
+    axes = list(figure.subplots(1, len(engines), sharey=True, squeeze=False)[0])
+    for panel, engine in zip(axes, engines, strict=True):
+        panel.set_title(engine_name(engine), loc="left", fontsize=10.0)
+        panel.set_xticks([])
+        panel.tick_params(length=0)
+        panel.grid(False)
+        panel.spines[:].set_visible(False)
+    axes[0].set_yticks(np.arange(len(rows)) + 0.5, rows, fontsize=LETTERS)
+    axes[0].set_ylim(len(rows), 0)
+    return figure, axes
+
+
+def _fill(axes: Axes, values: Array, colours: object, highest: float) -> object:
+    """Draw each value, 0 to `highest`, as a coloured cell; cells with nan stay empty."""
+    cells = np.ma.masked_invalid(values)
+    return axes.pcolormesh(cells, cmap=colours, vmin=0, vmax=highest, edgecolors="w", linewidth=0.6)
+
+
+def _with_range(name: str, varied: Sequence[str]) -> str:
+    """Name of a row with its first and last value: "density, times: 10⁻¹⁵ … 10⁶"."""
+    values = [float(text.rsplit(" ", 1)[-1]) for text in varied]
+    plain, unit = (found[1], found[2]) if (found := re.fullmatch(r"(.*?)( \[[^\]]*\])", name)) else (name, "")
+    ends = number(values[0], 2) if len(values) == 1 else f"{number(values[0], 2)} … {number(values[-1], 2)}"
+    return f"{plain}{' ×' if plain.endswith(', times') else ':'} {ends}{unit}".replace(", times ×", " ×")
+
+
+def _key(figure: Figure, entries: Sequence[tuple[str, str]], columns: int) -> None:
+    """Add a legend of colours, given as (colour, words), above the panels."""
+    handles = [Patch(facecolor=colour, label=words) for colour, words in entries]
+    figure.legend(
+        handles=handles, loc="outside upper left", ncols=columns, frameon=False, fontsize=10.0, handlelength=1.0,
+        columnspacing=1.0,
+    )  # fmt: skip

@@ -13,8 +13,7 @@ from flexlink.common.memo import Memo
 from flexlink.describe.scene import Scene
 from flexlink.engines.child_process import ChildProcess
 from validation.formulations.flexlink_links import chain_scene
-from validation.formulations.outcome import Outcome, Setting
-from validation.formulations.task import Task
+from validation.formulations.task import Outcome, Setting, Task
 from validation.trade.contestants import Contestant
 from validation.trade.scenes import seen
 from validation.trade.with_mujoco import Mujoco

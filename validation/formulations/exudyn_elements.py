@@ -35,8 +35,7 @@ from exudyn.itemInterface import (
 )
 
 from flexlink.common.types import Array
-from validation.formulations.outcome import Outcome, Setting
-from validation.formulations.task import Rod, Task
+from validation.formulations.task import Outcome, Rod, Setting, Task
 
 CABLE, BEAM = "ANCFCable2D", "GeometricallyExact2D"
 SPARSE_FROM = 40  # coordinates from which the sparse solver is cheaper

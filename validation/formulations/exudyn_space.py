@@ -22,8 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from flexlink.common.types import Array
 from validation.formulations.exudyn_elements import solved
-from validation.formulations.outcome import Outcome, Setting
-from validation.formulations.task import Rod, Task
+from validation.formulations.task import Outcome, Rod, Setting, Task
 
 
 def run(task: Task, _element: str, setting: Setting) -> Outcome:

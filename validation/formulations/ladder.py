@@ -15,8 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from flexlink.common.errors import FlexlinkError
-from validation.formulations.outcome import Outcome, Run, Setting
-from validation.formulations.task import Task
+from validation.formulations.task import Outcome, Run, Setting, Task
 
 REPEATS = 3
 SHORT = 0.05  # s of CPU; a shorter run is timed several times, and the least time counts
@@ -66,7 +65,7 @@ FORMULATIONS: Mapping[str, Formulation] = {
     "Pinocchio chain, Radau": Formulation("pinocchio", "pinocchio", "exported_chains", "pinocchio Radau"),
     "Drake chain, runge_kutta3": Formulation("drake", "pydrake", "exported_chains", "drake runge_kutta3"),
     "Drake chain, radau3": Formulation("drake", "pydrake", "exported_chains", "drake radau3"),
-    "advise": Formulation("native", "", "advised", ""),
+    "advise": Formulation("native", "", "flexlink_links", "advise"),
 }
 """Name in cases and results → formulation."""
 

@@ -19,6 +19,7 @@ from validation.facts import Facts
 from validation.kinds import kind
 from validation.physics.parity import springs
 from validation.physics.variant import Rule, Variant
+from validation.runs import peaks
 from validation.store import Series
 
 
@@ -134,9 +135,6 @@ def _ringing(scene: fl.Scene, shape: np.ndarray, period: float, amplitude: float
 
 def _decrement_ratio(run: fl.Trajectory) -> float:
     """Damping ratio from the slope of the logarithms of the maxima."""
-    y = run.tip[:, 1]
-    i = np.flatnonzero((y[1:-1] > y[:-2]) & (y[1:-1] >= y[2:])) + 1
-    before, here, after = y[i - 1], y[i], y[i + 1]
-    peaks = here - ((after - before) / 2) ** 2 / (2 * (before - 2 * here + after))
-    decrement = -float(np.polyfit(np.arange(len(peaks)), np.log(peaks), 1)[0])
+    _, heights = peaks(run)
+    decrement = -float(np.polyfit(np.arange(len(heights)), np.log(heights), 1)[0])
     return decrement / math.hypot(2 * math.pi, decrement)

@@ -19,9 +19,7 @@ from flexlink.results.tip_motion import largest_distance
 from validation.case import Case, Measured
 from validation.formulations.exact_modes import in_a_frame, on_a_hub, scaled
 from validation.formulations.ladder import FORMULATIONS, attempt
-from validation.formulations.outcome import Setting
-from validation.formulations.references import Reference
-from validation.formulations.task import Described, Task, task_of
+from validation.formulations.task import Described, Reference, Setting, Task, task_of
 from validation.kinds import kind
 from validation.store import Series, table
 

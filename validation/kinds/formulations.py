@@ -78,14 +78,8 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
             yield from _of_formulation(task, climbed, errors, described.reaches)
         for error in errors:
             rows = (*_ratio(task, found, error), *_of_advice(task, found, error))
-            yield from (row for row in rows if not _has_separate_limit(case, name, row.quantity))
+            yield from (row for row in rows if not case.has_separate_limit(name, row.quantity))
         yield _series(task, found)
-
-
-def _has_separate_limit(case: Case, name: str, quantity: str) -> bool:
-    """Whether a separate quantity of this scene replaces the limit for all scenes."""
-    own = case.quantity.get(f"{name}, {quantity}")
-    return own is not None and bool(own.given_up)
 
 
 def _not_run(scene: str, name: str, why: str) -> Measured:

@@ -29,7 +29,7 @@ from validation.physics.formulas import INPUTS
 from validation.physics.hinge_sweep import Point, Sweep, published, report
 from validation.physics.variant import Rule, Variant, existing
 from validation.reference_values import look_up, reference_array
-from validation.runs import run_facts, stable_steps
+from validation.runs import motion_in_mujoco, run_facts, stable_steps
 from validation.store import Series
 from validation.trade.first_order import FirstOrder
 from validation.trade.scenes import trade_scene
@@ -93,7 +93,7 @@ def motion_benchmark(case: Case, settings: MotionBenchmarkSettings) -> Iterator[
     yield Measured("time integration error", change, scene.name, varied=facts, note=f"{step:.3g} s halved.")
     yield from _motion(case, settings, ours, run(settings.beside), exact)
     yield from _independent(case, settings, run)
-    yield from _parity(_scene(case, settings, settings.parity), settings.parity)
+    yield _parity(_scene(case, settings, settings.parity), settings.parity)
 
 
 def _exact(settings: MotionBenchmarkSettings) -> Array:
@@ -148,16 +148,12 @@ def _independent(
                 yield Measured("independent program", distance, case.scenes[0], varied=at.facts)
 
 
-def _parity(scene: Scene, at: Rule) -> Iterator[Measured]:
-    ours = fl.simulate(scene)
-    facts: Facts = {**at.facts, **run_facts(scene.run)}
-    if scene.motion:
-        free = fl.lump(scene.varied({"motion": []}))
-        value = max(_acceleration_errors(scene, ours, free))
-        yield Measured("MuJoCo's accelerations", value, scene.name, "mujoco", facts)
-        return
-    _, q, _ = engines.load("mujoco", ours.chain).integrate(scene)
-    yield Measured("MuJoCo's motion", float(np.abs(q - ours.q).max()), scene.name, "mujoco", facts)
+def _parity(scene: Scene, at: Rule) -> Measured:
+    if not scene.motion:
+        return motion_in_mujoco(scene, facts=at.facts)
+    free = fl.lump(scene.varied({"motion": []}))
+    value = max(_acceleration_errors(scene, fl.simulate(scene), free))
+    return Measured("MuJoCo's accelerations", value, scene.name, "mujoco", {**at.facts, **run_facts(scene.run)})
 
 
 def _acceleration_errors(scene: Scene, run: Trajectory, free: fl.Chain) -> Iterator[float]:
@@ -198,7 +194,7 @@ def exact_motion(case: Case, run: tuple[Trial, ...], chain: Rule) -> Iterator[Me
         yield Measured("tip error", float(error.max()), name, varied=run_facts(scene.run))
         change = float(np.abs(half.tip - ours.tip).max())
         yield Measured("time integration error", change, name, varied=run_facts(scene.run))
-        yield _motion_parity(scene.varied({"run.method": "RK4", "run.step": trial.rk4_step}), name)
+        yield motion_in_mujoco(scene.varied({"run.method": "RK4", "run.step": trial.rk4_step}), name)
 
 
 def _rows_of(trial: Trial) -> tuple[Array, Array]:
@@ -207,12 +203,6 @@ def _rows_of(trial: Trial) -> tuple[Array, Array]:
     rows = found["rows"] if "rows" in found else [(entry["t"], entry["tip_x"], entry["tip_y"]) for entry in found]
     table = np.array(rows, dtype=np.float64)
     return table[:, 0], table[:, 1:]
-
-
-def _motion_parity(scene: Scene, name: str) -> Measured:
-    ours = fl.simulate(scene)
-    _, q, _ = engines.load("mujoco", ours.chain).integrate(scene)
-    return Measured("MuJoCo's motion", float(np.abs(q - ours.q).max()), name, "mujoco", run_facts(scene.run))
 
 
 @kind(long=True)

@@ -90,15 +90,9 @@ def speed_trade(case: Case, settings: SpeedTradeSettings) -> Iterator[Measured |
         ours, others = _ours(name, settings), _others(name, settings)
         for aim in (Aim(what, error) for what in ("error", "deflection error") for error in settings.errors):
             rows = _rows(name, aim, ours, others)
-            yield from (row for row in rows if not _has_separate_limit(case, name, row.quantity))
+            yield from (row for row in rows if not case.has_separate_limit(name, row.quantity.removesuffix(HARD_SCENE)))
         drawn = {f"{group} {key}": points for group in others if group != RK4 for key, points in others[group].items()}
         yield _series(name, ours | others[RK4] | drawn)
-
-
-def _has_separate_limit(case: Case, name: str, quantity: str) -> bool:
-    """Whether a separate quantity of this scene replaces the limit for all scenes."""
-    own = case.quantity.get(f"{name}, {quantity.removesuffix(HARD_SCENE)}")
-    return own is not None and bool(own.given_up)
 
 
 def _ours(name: str, settings: SpeedTradeSettings) -> Ladders:

@@ -22,8 +22,8 @@ from validation import sweep_processes
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.kinds import kind
-from validation.speed import mujoco_sweep
 from validation.speed.races import processor_time, race
+from validation.speed.steps import mujoco_sweep
 from validation.sweep_processes import ENVIRONMENT, cluster, shortened
 
 LOST_AFTER, LAST_KILL = 0.1, 0.9
@@ -89,7 +89,7 @@ def speed_sweep(
     with tempfile.TemporaryDirectory() as folder:
         file = shortened(sweep, members, Path(folder))
         plan = Plan(Sweep.load(file))
-        works = mujoco_sweep.works([plan.member(k)[0] for k in range(min(beside, members))])
+        works = mujoco_sweep([plan.member(k)[0] for k in range(min(beside, members))])
         theirs, ours = dict.fromkeys(works, math.inf), math.inf
         for number in range(turns):
             ours = min(ours, _seconds(file, members, workers, Path(folder) / f"{number}.db"))

@@ -15,9 +15,8 @@ from tests.support.words import refused, reviewed
 from validation.case import CASES, load_case
 from validation.formulations import exported_chains, flexlink_links, ladder
 from validation.formulations.ladder import FORMULATIONS, Formulation, Rung, cheapest, climb, most_accurate, smallest
-from validation.formulations.outcome import Outcome
 from validation.formulations.stored import galerkin_arm
-from validation.formulations.task import Described, task_of
+from validation.formulations.task import Described, Outcome, task_of
 from validation.kinds import formulations
 from validation.oracles import inextensible_rods
 from validation.reference_values import look_up
@@ -118,8 +117,8 @@ def test_advice_is_compared_with_the_front_of_all_others(monkeypatch: pytest.Mon
 def test_a_limit_of_one_scene_replaces_that_of_all() -> None:
     quantity = replace(FULL.quantity[f"{FRONT}, error 0.001"], given_up="why")
     case = replace(FULL, quantity={f"crane, {FRONT}, error 0.001": quantity})
-    assert formulations._has_separate_limit(case, "crane", f"{FRONT}, error 0.001")
-    assert not formulations._has_separate_limit(case, "ur5_soft", f"{FRONT}, error 0.001")
+    assert case.has_separate_limit("crane", f"{FRONT}, error 0.001")
+    assert not case.has_separate_limit("ur5_soft", f"{FRONT}, error 0.001")
 
 
 def test_a_ladder_ends_with_its_budget_and_a_program_that_gives_up_has_no_error(monkeypatch) -> None:

@@ -28,9 +28,9 @@ from reports.chapters import Number, Wanted
 from reports.curves import curves, panels_of
 from reports.drawing import pictures
 from reports.figures import figure as drawn_figures
+from reports.figures.trade import Word, place_words
 from reports.findings.paper import conclusion as judge
 from reports.findings.paper import evaluations
-from reports.placing import Word, place_words
 from reports.results import Results, used
 from reports.tables import checks, limit, meanings
 from reports.verdict import Fact, numbers_that_matter
