@@ -7,6 +7,7 @@ ladder chooses s, as a large one needs more steps and a small one stretches.
 from __future__ import annotations
 
 import time
+from itertools import pairwise
 from typing import Any
 
 import exudyn as exu
@@ -21,10 +22,13 @@ from exudyn.itemInterface import (
     MarkerBodyRigid,
     MarkerNodeCoordinate,
     MarkerNodePosition,
+    MarkerNodeRigid,
     NodePoint2DSlope1,
     NodePointGround,
     NodeRigidBody2D,
+    NodeRigidBodyRotVecLG,
     ObjectANCFCable2D,
+    ObjectBeamGeometricallyExact,
     ObjectBeamGeometricallyExact2D,
     ObjectGround,
     ObjectJointGeneric,
@@ -33,6 +37,7 @@ from exudyn.itemInterface import (
     ObjectRigidBody2D,
     SensorNode,
 )
+from scipy.spatial.transform import Rotation
 
 from flexlink.common.types import Array
 from validation.formulations.task import Outcome, Rod, Setting, Task
@@ -212,3 +217,44 @@ class _Arm:
         elif self.task.moment:
             angle = self.mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=node, coordinate=2))
             self.mbs.AddLoad(LoadCoordinate(markerNumber=angle, load=self.task.moment))
+
+
+def _run_in_space(task: Task, _element: str, setting: Setting) -> Outcome:
+    """Build the arm, and _run_in_space Exudyn's solver once."""
+    box = exu.SystemContainer()
+    mbs = box.AddSystem()
+    last, place = mbs.AddMarker(MarkerBodyRigid(bodyNumber=mbs.AddObject(ObjectGround()))), np.zeros(3)
+    before = np.eye(3)
+    for rod in task.rods:
+        nodes, place = _rod_in_space(mbs, rod, place, task.gravity, setting)
+        begin = mbs.AddMarker(MarkerNodeRigid(nodeNumber=nodes[0]))
+        mbs.AddObject(ObjectJointGeneric(
+            markerNumbers=[last, begin], constrainedAxes=[1] * 6, rotationMarker0=before.T @ rod.turn,
+        ))  # fmt: skip
+        last, before = mbs.AddMarker(MarkerNodeRigid(nodeNumber=nodes[-1])), rod.turn
+    position = exu.OutputVariableType.Position
+    sensor = mbs.AddSensor(SensorNode(nodeNumber=nodes[-1], storeInternal=True, outputVariableType=position))
+    mbs.Assemble()
+    return solved(mbs, task, setting, sensor, np.eye(3))
+
+
+def _rod_in_space(mbs: Any, rod: Rod, begin: Array, gravity: Array, setting: Setting) -> tuple[list[Any], Array]:
+    """Add a rod; return its nodes and its end."""
+    count = round(setting["elements"])
+    end = begin + rod.length * rod.turn[:, 0]
+    turn = Rotation.from_matrix(rod.turn).as_rotvec()
+    nodes = [
+        mbs.AddNode(NodeRigidBodyRotVecLG(referenceCoordinates=[*place, *turn]))
+        for place in np.linspace(begin, end, count + 1)
+    ]
+    section = exu.BeamSection()
+    stiff = setting["stiffness"] * rod.bending[1] / rod.length**2
+    section.stiffnessMatrix = np.diag([stiff, stiff, stiff, rod.twist, *rod.bending])
+    section.inertia, section.massPerLength = np.diag(rod.rotary), rod.mass
+    for pair in pairwise(nodes):
+        beam = mbs.AddObject(
+            ObjectBeamGeometricallyExact(nodeNumbers=list(pair), length=rod.length / count, sectionData=section)
+        )
+        marker = mbs.AddMarker(MarkerBodyMass(bodyNumber=beam))
+        mbs.AddLoad(LoadMassProportional(markerNumber=marker, loadVector=gravity.tolist()))
+    return nodes, end
