@@ -1,4 +1,6 @@
-"""Exudyn's finite elements in a plane: geometrically exact beams of three nodes, and ANCF cables.
+"""Exudyn's finite elements: in a plane, geometrically exact beams of three nodes and ANCF cables; beams in space.
+
+Those in space are geometrically exact, of two nodes, for clamped arms.
 
 Only the solver's call is timed. Beams that are too stiff to stretch or shear noticeably have EA = GA = s EI / L²; the
 ladder chooses s, as a large one needs more steps and a small one stretches.
@@ -42,7 +44,7 @@ from scipy.spatial.transform import Rotation
 from flexlink.common.types import Array
 from validation.formulations.task import Outcome, Rod, Setting, Task
 
-CABLE, BEAM = "ANCFCable2D", "GeometricallyExact2D"
+CABLE, BEAM, IN_SPACE = "ANCFCable2D", "GeometricallyExact2D", "GeometricallyExact"
 SPARSE_FROM = 40  # coordinates from which the sparse solver is cheaper
 ROUNDING = 2e-12  # residual at which Newton's method ends, relative to EA: well above rounding errors of axial forces
 NEGLIGIBLE = 1e-9  # mass of a rotor, relative to the rod's
@@ -50,6 +52,8 @@ NEGLIGIBLE = 1e-9  # mass of a rotor, relative to the rod's
 
 def run(task: Task, element: str, setting: Setting) -> Outcome:
     """Build the arm, and run Exudyn's solver once."""
+    if element == IN_SPACE:
+        return _run_in_space(task, setting)
     arm = _Arm(task, element, setting)
     return solved(arm.mbs, task, setting, arm.sensor, task.axes)
 
@@ -219,8 +223,8 @@ class _Arm:
             self.mbs.AddLoad(LoadCoordinate(markerNumber=angle, load=self.task.moment))
 
 
-def _run_in_space(task: Task, _element: str, setting: Setting) -> Outcome:
-    """Build the arm, and _run_in_space Exudyn's solver once."""
+def _run_in_space(task: Task, setting: Setting) -> Outcome:
+    """Build the arm, and run Exudyn's solver once."""
     box = exu.SystemContainer()
     mbs = box.AddSystem()
     last, place = mbs.AddMarker(MarkerBodyRigid(bodyNumber=mbs.AddObject(ObjectGround()))), np.zeros(3)

@@ -53,7 +53,7 @@ FORMULATIONS: Mapping[str, Formulation] = {
     "strain polynomials": Formulation("native", "", "flexlink_links", "lobatto4 polynomials"),
     "Exudyn ANCF cable": Formulation("exudyn", "exudyn", "exudyn_elements", "ANCFCable2D"),
     "Exudyn geometrically exact": Formulation("exudyn", "exudyn", "exudyn_elements", "GeometricallyExact2D"),
-    "Exudyn geometrically exact, 3D": Formulation("exudyn", "exudyn", "exudyn_space", ""),
+    "Exudyn geometrically exact, 3D": Formulation("exudyn", "exudyn", "exudyn_elements", "GeometricallyExact"),
     "Exudyn FFRF": Formulation("exudyn", "exudyn", "exudyn_frames", ""),
     "MuJoCo flex, springs": Formulation("mujoco", "mujoco", "mujoco_flexes", "springs"),
     "MuJoCo flex, constraints": Formulation("mujoco", "mujoco", "mujoco_flexes", "constraints"),

@@ -88,11 +88,11 @@ def galerkin_arm(task: Task) -> inextensible_rods.Arm:
 
 
 def _l_arm(task: Task) -> tuple[Array, dict[str, float], dict[str, Any]]:
-    from validation.formulations import exudyn_space  # noqa: PLC0415  only this reference needs exudyn
+    from validation.formulations import exudyn_elements  # noqa: PLC0415  only this reference needs exudyn
 
     finest = flexlink_links.run(task, "lobatto4", FINEST).tip
-    witness = exudyn_space.run(task, "", WITNESS).tip
-    coarser = exudyn_space.run(task, "", COARSER_WITNESS).tip
+    witness = exudyn_elements.run(task, exudyn_elements.IN_SPACE, WITNESS).tip
+    coarser = exudyn_elements.run(task, exudyn_elements.IN_SPACE, COARSER_WITNESS).tip
     found = {
         "own_error_m": largest_distance(finest, flexlink_links.run(task, "lobatto4", COARSER).tip),
         "witness_m": largest_distance(finest, witness),

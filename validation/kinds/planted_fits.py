@@ -66,15 +66,10 @@ def held(first: int, count: int, sought: Sequence[str]) -> Held:
         if not found.identifiable:
             continue
         done += 1
-        here = [(found[path].value - value) / _half(found[path], value) for path, value in true.items()]
+        here = [distance(found[path], value) for path, value in true.items()]
         worst = seed - 1 if max(map(abs, here)) > max(map(abs, off), default=0.0) else worst
         off += here
     return Held(off, worst, seed - first - count)
-
-
-def _half(found: Estimate, true: float) -> float:
-    """Distance of the estimate from the end of its interval on the side of the true value."""
-    return found.high - found.value if true > found.value else found.value - found.low
 
 
 def planted(seed: int, sought: Sequence[str]) -> tuple[fl.fits.FitProblem, dict[str, float]]:
