@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from fnmatch import fnmatch
@@ -20,9 +19,11 @@ from flexlink.pages.page import template
 from flexlink.pages.style import RC
 from flexlink.pages.tables import Table, table_csv
 from flexlink.pages.verdict import Report
-from reports import findings, measurements, reference, same, speed_limits, stored_full, verdict
+from reports import measurements, reference, same, speed_limits, stored_full, verdict
 from reports.chapters import Section, chapter_of_kinds, contents, sections
-from reports.drawing import figures_of, modules
+from reports.drawing import figures_of
+from reports.figures import motion
+from reports.findings import finding
 from reports.results import Results, used
 from reports.scene_names import scene_names
 from reports.tables import Meaning, checks, limit, meanings, rows_csv
@@ -66,10 +67,7 @@ class StudyReport(Report):
 
 
 def build(
-    results: Path,
-    out: Path,
-    reference_run: Path = reference.FOLDER,
-    beside_full: Path | None = stored_full.FOLDER,
+    results: Path, out: Path, reference_run: Path = reference.FOLDER, beside_full: Path | None = stored_full.FOLDER
 ) -> Path:
     """Write the report of a study: one self-contained page, a CSV per table, and a PNG, SVG and CSV per figure.
 
@@ -100,10 +98,7 @@ def build(
 
 
 def write(
-    study: Results,
-    out: Path,
-    reference_run: Path = reference.FOLDER,
-    beside_full: Path | None = stored_full.FOLDER,
+    study: Results, out: Path, reference_run: Path = reference.FOLDER, beside_full: Path | None = stored_full.FOLDER
 ) -> StudyReport:
     """Write the report of results that are already read, and return its contents."""
     beside, whole = reference.read(reference_run), stored_full.read(beside_full) if beside_full else None
@@ -187,9 +182,8 @@ def readme_figure(results: Path, path: Path) -> Path:
     FlexlinkError
         There are no readable results, they do not contain the run, or `path` cannot be written.
     """
-    drawer = importlib.import_module("reports.figures.paper_fig5")
     with mpl.rc_context(RC):
-        picture = drawer.readme(Results.read(results))
+        picture = motion.readme(Results.read(results))
     if picture is None:
         raise FlexlinkError(f"{results}: no run of the paper's figure 5; make results with: python -m validation")
     picture.save_png(path)
@@ -201,24 +195,19 @@ def given_up(results: Results) -> list[Row]:
     return list({(row.case, row.quantity): row for row in results.rows if row.given_up}.values())
 
 
-def _findings(results: Results, out: Path) -> Iterator[tuple[str, Table]]:
-    for finder in modules(findings):
-        for finding in finder.find(results):
-            write_text(out / f"{finding.name}.csv", finding.csv)
-            yield finder.SECTION, finding
-
-
 def _chapters(
     results: Results, out: Path, shown: Mapping[str, list[Shown]], whole: stored_full.Stored | None
 ) -> Iterator[StudyChapter]:
-    chapter_of, inferred, verdicts = chapter_of_kinds(), list(_findings(results, out)), verdict.case_verdicts(results)
+    chapter_of, inferred, verdicts = chapter_of_kinds(), list(finding.made(results)), verdict.case_verdicts(results)
     for section in sections():
         blocks = tuple(
             _case_block(case, results.plan[case].about, rows, verdicts[case], out)
             for case, rows in results.cases.items()
             if chapter_of[rows[0].kind] == section.id
         )
-        found = tuple(finding for chapter, finding in inferred if chapter == section.id)
+        found = tuple(one for chapter, one in inferred if chapter == section.id)
+        for each in found:
+            write_text(out / f"{each.name}.csv", each.csv)
         drawn = shown.get(section.id, [])
         first = tuple(one for one in drawn if any(fnmatch(one.name, pattern) for pattern in section.open))
         more = tuple(one for one in drawn if one not in first)
@@ -253,8 +242,8 @@ def _stored_chapter(section: Section, whole: stored_full.Stored, out: Path) -> S
         f"measured {whole.study.measured}; more figures are in reports/full."
     )
     found = tuple(whole.findings(section.id))
-    for finding in found:
-        write_text(out / f"{finding.name}.csv", finding.csv)
+    for each in found:
+        write_text(out / f"{each.name}.csv", each.csv)
     return StudyChapter(
         section.id, section.title, section.short, (section.text.strip(),), tables=found,
         headlines=stored.headlines, more=tuple(whole.figures(section, out)), ran=ran,

@@ -4,15 +4,56 @@ from __future__ import annotations
 
 import collections
 import functools
-from collections.abc import Mapping
+import importlib
+import pkgutil
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, NamedTuple
 
 from flexlink.data.documents import read_toml
 from flexlink.describe.spec import Spec, decode
 
 FILE = Path(__file__).parent / "sections.toml"
 ANY = "*"  # as one of a chapter's `kinds`, means all kinds that no other chapter names
+
+
+class Maker(NamedTuple):
+    """A generator of figures or findings: id of its chapter, the stored series that it shows, the function."""
+
+    section: str
+    takes: tuple[str, ...]
+    make: Callable[[Any], Iterator[Any]]
+
+
+class Makers(dict[str, Maker]):
+    """Makers by name, which is their order; as a decorator, given chapter and series, it adds a function.
+
+    A series that no maker takes is drawn as plain curves.
+    """
+
+    def __call__(self, section: str, *takes: str) -> Callable[[Any], Any]:
+        """Add a function."""
+
+        def add(make: Any) -> Any:
+            self[make.__name__] = Maker(section, takes, make)
+            return make
+
+        return add
+
+    def load(self, folder: Iterable[str], package: str) -> None:
+        """Import all files of a package."""
+        for info in pkgutil.iter_modules(folder):
+            importlib.import_module(f"{package}.{info.name}")
+
+    @property
+    def taken(self) -> set[str]:
+        """All series that are taken."""
+        return {what for maker in self.values() for what in maker.takes}
+
+    def made(self, results: Any) -> Iterator[tuple[str, Any]]:
+        """Yield (chapter id, figure or finding)."""
+        for _, maker in sorted(self.items()):
+            yield from ((maker.section, one) for one in maker.make(results))
 
 
 class Wanted(Spec, frozen=True):

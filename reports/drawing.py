@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import multiprocessing
 import os
-import pkgutil
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from itertools import islice
 from pathlib import Path
-from types import ModuleType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import matplotlib as mpl
 
 from flexlink.pages.chapter import Shown
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import RC
-from reports import curves, figures, findings
+from reports import curves
 from reports.chapters import chapter_of_kinds
+from reports.figures import figure
+from reports.findings import finding
 from reports.results import Results
 
 WORTH_A_PROCESS = 10  # series per process: starting one takes as long as writing three or four figures
@@ -67,21 +66,11 @@ def _written(chapter: str, picture: Picture, out: Path) -> Drawn:
 
 
 def pictures(results: Results) -> Iterator[tuple[str, Picture]]:
-    """(chapter id, picture) from reports/figures/, then of each remaining series, which no figure or finding uses."""
-    taken = {what for finder in modules(findings) for what in getattr(finder, "TAKES", ())}  # shown in tables
-    chapter_of = chapter_of_kinds()
+    """(chapter id, picture) from reports/figures/, then of each remaining series, which no maker takes."""
+    taken, chapter_of = figure.taken | finding.taken, chapter_of_kinds()
     with mpl.rc_context(RC):
-        for drawer in modules(figures):
-            taken.update(drawer.TAKES)
-            for picture in drawer.draw(results):
-                yield drawer.SECTION, picture
+        yield from figure.made(results)
         for case, found in results.series.items():
             for series in found:
                 if series.what not in taken:
                     yield chapter_of[results.cases[case][0].kind], curves.picture(case, series)
-
-
-def modules(package: ModuleType) -> Iterator[Any]:
-    """All modules of a package, by name."""
-    for name in sorted(info.name for info in pkgutil.iter_modules(package.__path__)):
-        yield importlib.import_module(f"{package.__name__}.{name}")

@@ -15,7 +15,6 @@ from flexlink.common.progress import Progress
 from flexlink.pages.numbers import passing
 from validation.case import ALL, CASES, MODELS, Case, load_cases
 from validation.judgement import correctness, judged_rows, quiet, speed
-from validation.row_counts import ROWS_OF
 from validation.store import Row, Store
 
 try:
@@ -24,6 +23,7 @@ try:
     from rich.table import Table
 
     from validation.kinds import TIMED
+    from validation.measuring import ROWS_OF
     from validation.runner import run_cases
 except ImportError as missing:
     print(f"validation: {missing}; install with: python -m pip install -e '.[validation]'", file=sys.stderr)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import re
 from collections.abc import Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -110,6 +111,11 @@ class Case(Spec, frozen=True):
         """Whether the case must measure this quantity; for a part, only quantities that begin with its name."""
         return not self.part or quantity.startswith(f"{self.part}, ")
 
+    def has_separate_limit(self, scene: str, quantity: str) -> bool:
+        """Whether a separate quantity of this scene replaces the limit for all scenes."""
+        own = self.quantity.get(f"{scene}, {quantity}")
+        return own is not None and bool(own.given_up)
+
     def is_meant_by(self, pattern: str) -> bool:
         """Whether a glob pattern matches the name or kind, or their first words; `by_name` cases match by name only."""
         names = (self.name, self.whole) if self.whole else (self.name,)
@@ -144,6 +150,14 @@ def scene_file(name: str) -> Path:
     """The file of a scene, from the study's scenes or from models/."""
     own = STUDY_SCENES / f"{name}.toml"
     return own if own.is_file() else MODELS / f"{name}.toml"
+
+
+def module_of(kind: str) -> str:
+    """The module that defines a kind: a generator of its name, or `run` in a file of its name."""
+    named = re.compile(rf"^@kind.*\ndef {kind}\(", re.MULTILINE)
+    files = [path for path in (HERE / "kinds").glob("*.py") if named.search(path.read_text(encoding="utf-8"))]
+    # not one string, in which dependencies would find all kinds
+    return ".".join(("validation", "kinds", files[0].stem if files else kind))
 
 
 NOTHING_VARIED: Facts = MappingProxyType({})

@@ -19,7 +19,7 @@ def main() -> int:
     try:
         case = load_case(CASES / f"{options.case}.toml")
         kind, settings = kind_of(case)
-        if not hasattr(kind, "cell_in_words"):
+        if kind.cell_in_words is None:
             raise ArgumentError(f"case = {options.case!r}: kind {case.kind!r} has no cells")
         print(*kind.cell_in_words(case, settings, options.number), sep="\n")
     except FlexlinkError as error:

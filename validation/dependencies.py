@@ -17,7 +17,7 @@ from typing import NamedTuple
 import msgspec
 
 from flexlink.common.wording import plural
-from validation.case import ALL, Case, load_cases
+from validation.case import ALL, Case, load_cases, module_of
 from validation.imports import Project
 from validation.sources import DATA, ROOT, digest, digests, sources
 
@@ -97,7 +97,7 @@ class _Code(NamedTuple):
 @functools.cache
 def _of_kind(kind: str) -> _Code:
     """The modules of a kind, with the data next to them."""
-    modules = [_project().files[name] for name in _project().closure(f"validation.kinds.{kind}", MEASURING)]
+    modules = [_project().files[name] for name in _project().closure(module_of(kind), MEASURING)]
     files = frozenset(_name(path) for path in (*modules, *_data_beside(modules)))
     return _Code(files, frozenset().union(*(_words_of(name) for name in files if name.startswith("validation/"))))
 

@@ -19,7 +19,7 @@ from flexlink.common.versions import processor, system, versions
 from flexlink.sweeps.workers import exit_when_closed
 from validation import dependencies
 from validation.case import ALL, Case, load_cases
-from validation.kinds import BESIDE, LONG, TIMED, measurements
+from validation.kinds import BESIDE, KINDS, TIMED
 from validation.measuring import kind_of, measure
 from validation.sources import ROOT
 from validation.speed.machine import LoadMonitor
@@ -186,7 +186,7 @@ def _in_parallel(
     lost = []
     with _pool() as pool:
         rehearsals = [pool.submit(_rehearse, case) for case in to_rehearse]
-        longest_first = sorted(cases, key=lambda case: case.kind not in LONG)
+        longest_first = sorted(cases, key=lambda case: not KINDS[case.kind].long)
         running = {pool.submit(_all_results, case, keys[case.name]): case for case in longest_first}
         try:
             for done in as_completed(running):
@@ -231,8 +231,8 @@ def _all_results(case: Case, key: str) -> list[Row | Series]:
 
 def _rehearse(case: Case) -> None:
     kind, settings = kind_of(case)
-    if rehearsal := getattr(kind, "rehearsal", None):
-        deque(measurements(kind, case, rehearsal(settings)), maxlen=0)
+    if kind.rehearsal:
+        deque(kind.measurements(case, kind.rehearsed(settings)), maxlen=0)
 
 
 def software() -> dict[str, str]:

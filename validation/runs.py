@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 import flexlink as fl
+from flexlink import engines
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.describe.run_settings import RunSettings
@@ -16,13 +17,31 @@ from flexlink.describe.scene import Scene
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.trajectory import Trajectory
-from validation.facts import Fact
+from validation.case import Measured
+from validation.facts import Fact, Facts
 from validation.store import Series
 
 
 def run_facts(run: RunSettings) -> dict[str, Fact]:
     """Method, step and duration of a run."""
     return {"method": run.method, "step": run.fixed_step, "duration": run.duration}
+
+
+def motion_in_mujoco(scene: Scene, name: str = "", facts: Facts | None = None) -> Measured:
+    """Largest difference of flexlink's angles from MuJoCo's in the same motion, with the facts of the run."""
+    ours = fl.simulate(scene)
+    _, q, _ = engines.load("mujoco", ours.chain).integrate(scene)
+    apart = float(np.abs(q - ours.q).max())
+    return Measured("MuJoCo's motion", apart, name or scene.name, "mujoco", {**(facts or {}), **run_facts(scene.run)})
+
+
+def peaks(run: Trajectory) -> tuple[Array, Array]:
+    """Times and heights of the maxima of the tip's y, by parabolas through three samples."""
+    y = run.tip[:, 1]
+    i = np.flatnonzero((y[1:-1] > y[:-2]) & (y[1:-1] >= y[2:])) + 1
+    before, here, after = y[i - 1], y[i], y[i + 1]
+    bend, slope = before - 2 * here + after, (after - before) / 2
+    return run.t[i] - slope / bend * (run.t[1] - run.t[0]), here - slope**2 / (2 * bend)
 
 
 def stable_step_at_start(scene: Scene, method: str) -> float:

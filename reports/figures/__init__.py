@@ -1,6 +1,6 @@
-"""One figure per file.
+"""Figures of the report: each generator of pictures from stored results has the decorator `figure`, see `Makers`."""
 
-Each module defines the id of its chapter in sections.toml (`SECTION`), the stored series that it draws (`TAKES`, their
-`what`; all others are drawn as plain curves), and `draw(results) -> Iterator[Picture]`, which yields nothing without
-data. New modules are found automatically.
-"""
+from reports.chapters import Makers
+
+figure = Makers()
+figure.load(__path__, __name__)

@@ -13,12 +13,11 @@ from flexlink.pages.colours import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, 
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import legend_above, stacked_axes, tidy_logs
 from reports.curves import curves, put_labels
+from reports.figures import figure
 from reports.results import Results
 from reports.tables import series_csv
 from validation.store import Row, Series
 
-SECTION = "physics"
-TAKES = ("sweep", "price", "motion", "published")
 LOOKS = {  # rule → colour, marker, line style; the same in all figures
     "paper": (VERMILION, "s", "-"),
     "midpoint": (BLUE, "o", "-"),
@@ -39,11 +38,15 @@ LETTERS = 22  # letters that fit along the height of a panel
 ROUNDING = 1e-15  # smaller errors are rounding errors
 
 
-def draw(results: Results) -> Iterator[Picture]:
+@figure("physics", "sweep", "price", "motion", "published")
+def physics(results: Results) -> Iterator[Picture]:
     """Pictures of each case: its sweeps, then its cost and motion if stored."""
     for case, found in results.series.items():
         rows = results.cases[case]
-        title, shown = rows[0].title, {what: [s for s in found if s.what == what] for what in TAKES}
+        title, shown = (
+            rows[0].title,
+            {what: [s for s in found if s.what == what] for what in ("sweep", "price", "motion")},
+        )
         if sweeps := shown["sweep"]:
             words = READ
             yield Picture(f"{case}.sweep", f"{title}: error by rule", _sweeps(sweeps, rows), words, series_csv(*sweeps))

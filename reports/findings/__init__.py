@@ -1,5 +1,6 @@
-"""Findings: conclusions from the stored rows, in sentences; one finding per file.
+"""Findings of the report: each generator of tables and sentences has the decorator `finding`, see `Makers`."""
 
-Each module defines the id of its chapter in sections.toml (`SECTION`) and `find(results) -> Iterator[Table]`.
-`TAKES` names stored series that need no figure because the table covers them. New modules are found automatically.
-"""
+from reports.chapters import Makers
+
+finding = Makers()
+finding.load(__path__, __name__)

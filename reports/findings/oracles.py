@@ -9,10 +9,10 @@ from pathlib import Path
 from flexlink.data.documents import read_toml
 from flexlink.describe.spec import Spec, decode
 from flexlink.pages.tables import Table
+from reports.findings import finding
 from reports.results import Results
 from validation.sources import ROOT
 
-SECTION = "agreement"
 FILE = Path(__file__).parent.parent / "oracles.toml"
 ORACLES = ROOT / "validation" / "oracles"
 TYPES = {"flexlink.common.types", "flexlink.common.errors"}
@@ -57,7 +57,8 @@ def imports_of(oracle: str) -> set[str]:
     return found.union(*map(imports_of, others))
 
 
-def find(results: Results) -> Iterator[Table]:
+@finding("agreement")
+def oracles(results: Results) -> Iterator[Table]:
     """One table, if the study has a case of the kinds `KINDS`."""
     if not KINDS.isdisjoint(planned.kind for planned in results.plan.values()):
         lines = tuple(

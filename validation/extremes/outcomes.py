@@ -34,7 +34,7 @@ from flexlink.motion.tolerable import Thresholds
 from flexlink.results.stop_reasons import InterruptedRunError
 from flexlink.results.tip_motion import largest_distance, tip_travel
 from flexlink.results.trajectory import Trajectory
-from validation.trade.mujoco_ladder import INTEGRATORS
+from validation.trade.with_mujoco import INTEGRATORS
 
 Outcome = Literal["within", "near", "warned", "false doubt", "error", "dear", "unknown", "silent wrong"]
 OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)

@@ -15,8 +15,7 @@ import elastica as ea
 import numpy as np
 
 from flexlink.common.types import Array
-from validation.formulations.outcome import Outcome, Setting
-from validation.formulations.task import Rod, Task
+from validation.formulations.task import Outcome, Rod, Setting, Task
 
 
 class _Simulator(ea.BaseSystemCollection, ea.Constraints, ea.Forcing, ea.Connections):  # type: ignore[misc]

@@ -1,4 +1,6 @@
-"""Exudyn's finite elements in a plane: geometrically exact beams of three nodes, and ANCF cables.
+"""Exudyn's finite elements: in a plane, geometrically exact beams of three nodes and ANCF cables; beams in space.
+
+Those in space are geometrically exact, of two nodes, for clamped arms.
 
 Only the solver's call is timed. Beams that are too stiff to stretch or shear noticeably have EA = GA = s EI / L²; the
 ladder chooses s, as a large one needs more steps and a small one stretches.
@@ -7,6 +9,7 @@ ladder chooses s, as a large one needs more steps and a small one stretches.
 from __future__ import annotations
 
 import time
+from itertools import pairwise
 from typing import Any
 
 import exudyn as exu
@@ -21,10 +24,13 @@ from exudyn.itemInterface import (
     MarkerBodyRigid,
     MarkerNodeCoordinate,
     MarkerNodePosition,
+    MarkerNodeRigid,
     NodePoint2DSlope1,
     NodePointGround,
     NodeRigidBody2D,
+    NodeRigidBodyRotVecLG,
     ObjectANCFCable2D,
+    ObjectBeamGeometricallyExact,
     ObjectBeamGeometricallyExact2D,
     ObjectGround,
     ObjectJointGeneric,
@@ -33,12 +39,12 @@ from exudyn.itemInterface import (
     ObjectRigidBody2D,
     SensorNode,
 )
+from scipy.spatial.transform import Rotation
 
 from flexlink.common.types import Array
-from validation.formulations.outcome import Outcome, Setting
-from validation.formulations.task import Rod, Task
+from validation.formulations.task import Outcome, Rod, Setting, Task
 
-CABLE, BEAM = "ANCFCable2D", "GeometricallyExact2D"
+CABLE, BEAM, IN_SPACE = "ANCFCable2D", "GeometricallyExact2D", "GeometricallyExact"
 SPARSE_FROM = 40  # coordinates from which the sparse solver is cheaper
 ROUNDING = 2e-12  # residual at which Newton's method ends, relative to EA: well above rounding errors of axial forces
 NEGLIGIBLE = 1e-9  # mass of a rotor, relative to the rod's
@@ -46,6 +52,8 @@ NEGLIGIBLE = 1e-9  # mass of a rotor, relative to the rod's
 
 def run(task: Task, element: str, setting: Setting) -> Outcome:
     """Build the arm, and run Exudyn's solver once."""
+    if element == IN_SPACE:
+        return _run_in_space(task, setting)
     arm = _Arm(task, element, setting)
     return solved(arm.mbs, task, setting, arm.sensor, task.axes)
 
@@ -213,3 +221,44 @@ class _Arm:
         elif self.task.moment:
             angle = self.mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=node, coordinate=2))
             self.mbs.AddLoad(LoadCoordinate(markerNumber=angle, load=self.task.moment))
+
+
+def _run_in_space(task: Task, setting: Setting) -> Outcome:
+    """Build the arm, and run Exudyn's solver once."""
+    box = exu.SystemContainer()
+    mbs = box.AddSystem()
+    last, place = mbs.AddMarker(MarkerBodyRigid(bodyNumber=mbs.AddObject(ObjectGround()))), np.zeros(3)
+    before = np.eye(3)
+    for rod in task.rods:
+        nodes, place = _rod_in_space(mbs, rod, place, task.gravity, setting)
+        begin = mbs.AddMarker(MarkerNodeRigid(nodeNumber=nodes[0]))
+        mbs.AddObject(ObjectJointGeneric(
+            markerNumbers=[last, begin], constrainedAxes=[1] * 6, rotationMarker0=before.T @ rod.turn,
+        ))  # fmt: skip
+        last, before = mbs.AddMarker(MarkerNodeRigid(nodeNumber=nodes[-1])), rod.turn
+    position = exu.OutputVariableType.Position
+    sensor = mbs.AddSensor(SensorNode(nodeNumber=nodes[-1], storeInternal=True, outputVariableType=position))
+    mbs.Assemble()
+    return solved(mbs, task, setting, sensor, np.eye(3))
+
+
+def _rod_in_space(mbs: Any, rod: Rod, begin: Array, gravity: Array, setting: Setting) -> tuple[list[Any], Array]:
+    """Add a rod; return its nodes and its end."""
+    count = round(setting["elements"])
+    end = begin + rod.length * rod.turn[:, 0]
+    turn = Rotation.from_matrix(rod.turn).as_rotvec()
+    nodes = [
+        mbs.AddNode(NodeRigidBodyRotVecLG(referenceCoordinates=[*place, *turn]))
+        for place in np.linspace(begin, end, count + 1)
+    ]
+    section = exu.BeamSection()
+    stiff = setting["stiffness"] * rod.bending[1] / rod.length**2
+    section.stiffnessMatrix = np.diag([stiff, stiff, stiff, rod.twist, *rod.bending])
+    section.inertia, section.massPerLength = np.diag(rod.rotary), rod.mass
+    for pair in pairwise(nodes):
+        beam = mbs.AddObject(
+            ObjectBeamGeometricallyExact(nodeNumbers=list(pair), length=rod.length / count, sectionData=section)
+        )
+        marker = mbs.AddMarker(MarkerBodyMass(bodyNumber=beam))
+        mbs.AddLoad(LoadMassProportional(markerNumber=marker, loadVector=gravity.tolist()))
+    return nodes, end

@@ -27,8 +27,7 @@ from exudyn.itemInterface import (
 from flexlink.common.types import Array
 from validation.formulations.beam_bricks import CORNERS, bricks
 from validation.formulations.exudyn_elements import fix, solved
-from validation.formulations.outcome import Outcome, Setting
-from validation.formulations.task import Task
+from validation.formulations.task import Outcome, Setting, Task
 
 TURN = 5  # coordinate of the frame: angle about z
 OTHERS = 4  # modes to compute for each one in the plane: others bend it out of the plane, twist or stretch it

@@ -9,19 +9,32 @@ from typing import Any
 import numpy as np
 
 import flexlink as fl
+from flexlink.common.memo import Memo
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
-from validation.formulations.outcome import Outcome, Setting
-from validation.formulations.task import Task
+from validation.formulations.task import Outcome, Setting, Task
+
+ADVICE = Memo(4)
 
 
 def run(task: Task, element: str, setting: Setting) -> Outcome:
-    """Run with a lumping rule, or with strain modes on the stations of that rule, named "RULE SHAPES"."""
+    """Run with a lumping rule, with strain modes on the stations of that rule, "RULE SHAPES", or "advise"."""
+    if element == "advise":
+        return _advised(task, setting)
     scene = chain_scene(task, element, setting)
-    return _statics(task, scene) if task.moment else timed(task, fl.Problem(scene))
+    return _statics(task, scene) if task.moment else _timed(task, fl.Problem(scene))
 
 
-def timed(task: Task, problem: fl.Problem) -> Outcome:
+def _advised(task: Task, setting: Setting) -> Outcome:
+    """Ask for a tip error, as a fraction of the length, and time the run of the scene that is picked."""
+    error = setting["tip"]
+    advice = ADVICE(task.scene, error, lambda: fl.advise(task.scene, tip=f"{1e3 * error * task.length:.9g} mm"))
+    met = "" if advice.met else " that it cannot meet"
+    note = f"advice{met} took {advice.compute_time:.2g} s and {advice.runs} runs"
+    return _timed(task, fl.Problem(advice.scene))._replace(note=note)
+
+
+def _timed(task: Task, problem: fl.Problem) -> Outcome:
     """Run a problem, and time it when it runs again."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # about doubtful results; here a reference measures the error

@@ -15,8 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from flexlink.common.errors import FlexlinkError
-from validation.formulations.outcome import Outcome, Run, Setting
-from validation.formulations.task import Task
+from validation.formulations.task import Outcome, Run, Setting, Task
 
 REPEATS = 3
 SHORT = 0.05  # s of CPU; a shorter run is timed several times, and the least time counts
@@ -54,19 +53,19 @@ FORMULATIONS: Mapping[str, Formulation] = {
     "strain polynomials": Formulation("native", "", "flexlink_links", "lobatto4 polynomials"),
     "Exudyn ANCF cable": Formulation("exudyn", "exudyn", "exudyn_elements", "ANCFCable2D"),
     "Exudyn geometrically exact": Formulation("exudyn", "exudyn", "exudyn_elements", "GeometricallyExact2D"),
-    "Exudyn geometrically exact, 3D": Formulation("exudyn", "exudyn", "exudyn_space", ""),
+    "Exudyn geometrically exact, 3D": Formulation("exudyn", "exudyn", "exudyn_elements", "GeometricallyExact"),
     "Exudyn FFRF": Formulation("exudyn", "exudyn", "exudyn_frames", ""),
     "MuJoCo flex, springs": Formulation("mujoco", "mujoco", "mujoco_flexes", "springs"),
     "MuJoCo flex, constraints": Formulation("mujoco", "mujoco", "mujoco_flexes", "constraints"),
     "PyElastica": Formulation("elastica", "elastica", "elastica_rods", ""),
-    "MuJoCo chain, RK4": Formulation("mujoco", "mujoco", "mujoco_chains", "RK4"),
-    "MuJoCo chain, implicit": Formulation("mujoco", "mujoco", "mujoco_chains", "implicit"),
-    "MuJoCo chain, implicitfast": Formulation("mujoco", "mujoco", "mujoco_chains", "implicitfast"),
-    "Pinocchio chain, DOP853": Formulation("pinocchio", "pinocchio", "pinocchio_chains", "DOP853"),
-    "Pinocchio chain, Radau": Formulation("pinocchio", "pinocchio", "pinocchio_chains", "Radau"),
-    "Drake chain, runge_kutta3": Formulation("drake", "pydrake", "drake_chains", "runge_kutta3"),
-    "Drake chain, radau3": Formulation("drake", "pydrake", "drake_chains", "radau3"),
-    "advise": Formulation("native", "", "advised", ""),
+    "MuJoCo chain, RK4": Formulation("mujoco", "mujoco", "exported_chains", "mujoco RK4"),
+    "MuJoCo chain, implicit": Formulation("mujoco", "mujoco", "exported_chains", "mujoco implicit"),
+    "MuJoCo chain, implicitfast": Formulation("mujoco", "mujoco", "exported_chains", "mujoco implicitfast"),
+    "Pinocchio chain, DOP853": Formulation("pinocchio", "pinocchio", "exported_chains", "pinocchio DOP853"),
+    "Pinocchio chain, Radau": Formulation("pinocchio", "pinocchio", "exported_chains", "pinocchio Radau"),
+    "Drake chain, runge_kutta3": Formulation("drake", "pydrake", "exported_chains", "drake runge_kutta3"),
+    "Drake chain, radau3": Formulation("drake", "pydrake", "exported_chains", "drake radau3"),
+    "advise": Formulation("native", "", "flexlink_links", "advise"),
 }
 """Name in cases and results → formulation."""
 

@@ -14,8 +14,7 @@ import numpy as np
 
 from flexlink.common.types import Array
 from flexlink.engines.mujoco import quiet
-from validation.formulations.outcome import Outcome, Setting
-from validation.formulations.task import Rod, Task
+from validation.formulations.task import Outcome, Rod, Setting, Task
 
 CLOSE = 1e-3  # distance of the hub's vertices, in lengths of an edge
 LIGHT = 1e-9  # mass of the hub, relative to the rod's

@@ -16,7 +16,6 @@ Each takes some minutes.
 from __future__ import annotations
 
 import argparse
-import importlib
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -30,7 +29,7 @@ from flexlink.describe.spec import decode
 from flexlink.results.convergence import extrapolated
 from flexlink.results.tip_motion import largest_distance
 from validation.case import CASES, load_case
-from validation.formulations import flexlink_links
+from validation.formulations import exported_chains, flexlink_links
 from validation.formulations.task import Described, Task, task_of
 from validation.oracles import inextensible_rods
 from validation.reference_values import store_reference
@@ -89,11 +88,11 @@ def galerkin_arm(task: Task) -> inextensible_rods.Arm:
 
 
 def _l_arm(task: Task) -> tuple[Array, dict[str, float], dict[str, Any]]:
-    from validation.formulations import exudyn_space  # noqa: PLC0415  only this reference needs exudyn
+    from validation.formulations import exudyn_elements  # noqa: PLC0415  only this reference needs exudyn
 
     finest = flexlink_links.run(task, "lobatto4", FINEST).tip
-    witness = exudyn_space.run(task, "", WITNESS).tip
-    coarser = exudyn_space.run(task, "", COARSER_WITNESS).tip
+    witness = exudyn_elements.run(task, exudyn_elements.IN_SPACE, WITNESS).tip
+    coarser = exudyn_elements.run(task, exudyn_elements.IN_SPACE, COARSER_WITNESS).tip
     found = {
         "own_error_m": largest_distance(finest, flexlink_links.run(task, "lobatto4", COARSER).tip),
         "witness_m": largest_distance(finest, witness),
@@ -108,9 +107,7 @@ def _chain(task: Task) -> tuple[Array, dict[str, float], dict[str, Any]]:
     finest = flexlink_links.run(task, "lobatto4", FINE).tip
     levels = [(each, flexlink_links.run(task, "gauss", SAME_STEPS | {"hinges": each}).tip) for each in GAUSS]
     witness = WITNESSES.get(task.name, RADAU)
-    there = importlib.import_module(f"validation.formulations.{witness.module}").run(
-        task, witness.element, witness.setting
-    )
+    there = exported_chains.run(task, witness.element, witness.setting)
     (here,) = (tip for hinges, tip in levels if hinges == witness.setting["hinges"])
     limit = extrapolated(levels).tip
     found = {
@@ -125,16 +122,15 @@ def _chain(task: Task) -> tuple[Array, dict[str, float], dict[str, Any]]:
 class Witness(NamedTuple):
     """Another program with its solver and settings, on a chain of gauss that flexlink also runs."""
 
-    module: str
     element: str
     setting: dict[str, float]
 
 
 FINE, COARSE, GAUSS = {"hinges": 24, "tolerance": 1e-8}, {"hinges": 12, "tolerance": 1e-8}, (8, 16)
 SAME_STEPS = {"tolerance": 1e-8}
-RADAU = Witness("pinocchio_chains", "Radau", {"hinges": 16, "tolerance": 1e-7, "most": 1e7})
+RADAU = Witness("pinocchio Radau", {"hinges": 16, "tolerance": 1e-7, "most": 1e7})
 WITNESSES = {
-    "paper_arm": Witness("mujoco_chains", "RK4", {"hinges": 16, "step": 1e-5}),  # undamped: explicit steps are cheaper
+    "paper_arm": Witness("mujoco RK4", {"hinges": 16, "step": 1e-5})  # undamped: explicit steps are cheaper
 }
 Computed = Callable[[Task], tuple[Array, dict[str, float], dict[str, Any]]]
 COMPUTED: dict[str, Computed] = {"soft_two_links": _two_links, "l_arm": _l_arm} | dict.fromkeys(

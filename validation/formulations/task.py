@@ -6,7 +6,7 @@ Arms with drives, friction, rigid links or branches are not rods: only chains de
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Literal, NamedTuple
 
 import msgspec
@@ -22,10 +22,40 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.scene_file import load_scene
 from flexlink.describe.spec import Positive, Spec
 from validation.case import scene_file
-from validation.formulations.references import Reference, reference
 from validation.physics.formulas import INPUTS, pulse, spin_up_angle
+from validation.reference_values import look_up, reference_array
 from validation.trade.scenes import scenes as trade_scenes
 from validation.trade.scenes import varied_scene
+
+CLOSED_FORM = "roll-up"
+OWN_ERRORS = {"single_link_torque_pulse": 4e-12, "spinup_kane_simo": 2e-10}
+"""Accuracy of references that do not state it themselves [m]."""
+
+
+class Reference(NamedTuple):
+    """Tip in frame 0, shape (samples, 3) [m], and its own error [m]."""
+
+    tip: Array
+    own_error: float
+
+
+def reference(name: str, axes: Array, length: float, turns: float) -> Reference:
+    """The reference of that name; planar ones are in the plane of the first two `axes`.
+
+    `length` and `turns` of the tip are for the roll-up: the rod becomes an arc of a circle. Without a
+    name there is none.
+    """
+    if not name:
+        return Reference(np.empty((0, 3)), float("nan"))
+    if name == CLOSED_FORM:
+        angle = 2 * np.pi * turns
+        arc = length / angle * np.array([np.sin(angle), 1 - np.cos(angle)])
+        return Reference((arc @ axes[:, :2].T)[None], 0.0)
+    if name in OWN_ERRORS:
+        plane = reference_array(name, "values")[:, :2]
+        return Reference(plane @ axes[:, :2].T, OWN_ERRORS[name])
+    return Reference(reference_array(name, "tip"), float(look_up(name, "own_error_m")))
+
 
 Held = Literal["hinge", "moved", "clamped"]
 
@@ -171,3 +201,24 @@ def _pulse(t: float) -> float:
 def _spin_up(t: float) -> tuple[float, float, float]:
     angle, rate, acceleration = spin_up_angle(t)
     return float(angle), float(rate), float(acceleration)
+
+
+Setting = Mapping[str, float]
+"""Name of a numerical setting → its value."""
+
+
+class Outcome(NamedTuple):
+    """Tip at the samples in frame 0, shape (samples, 3) [m]; CPU seconds of the call; number of coordinates.
+
+    `counted`: the seconds follow from a number of evaluations, so repeating the call is useless. `note`: a remark.
+    """
+
+    tip: Array
+    seconds: float
+    coordinates: int
+    counted: bool = False
+    note: str = ""
+
+
+Run = Callable[[Task, str, Setting], Outcome]
+"""Computes a task with one kind of element and its settings."""

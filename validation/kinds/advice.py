@@ -23,8 +23,7 @@ from validation.advice.scenes import SAMPLES, random_scene, released_scene, robo
 from validation.advice.truth import Truth, cheapest, naive_cost, truth
 from validation.case import Case, Measured
 from validation.facts import Facts
-
-TIMED = True
+from validation.kinds import kind
 
 REPEATS = 5
 """Number of repetitions of a timed run; the shortest counts."""
@@ -71,6 +70,7 @@ class Cell(NamedTuple):
     true: Truth
 
 
+@kind(timed=True)
 def run(case: Case, settings: Settings) -> Iterator[Measured]:
     """Yield rows of every cell, then statistics over all cells."""
     cells: list[Cell] = []

@@ -1,9 +1,4 @@
-"""Kelvin-Voigt damping: an explicit method's largest stable step against the damping ratio of the fastest mode, and the
-damping ratio of the slowest mode, which must be as specified for any number of hinges.
-
-With d = η k every mode has ζ = η ω/2. A mode with ζ > 1 decays with rates λ = −ω (ζ ± √(ζ² − 1)); the faster one limits
-the step: h ω = r / (ζ + √(ζ² − 1)), with r the method's stability limit on the negative real axis.
-"""
+"""Damping of links: its ratio in slow modes, and its effect on stable steps."""
 
 from __future__ import annotations
 
@@ -21,12 +16,14 @@ from flexlink.dynamics.vibration.stability import largest_frequency
 from flexlink.engines.mujoco import MujocoEngine
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.kinds import kind
 from validation.physics.parity import springs
 from validation.physics.variant import Rule, Variant
+from validation.runs import peaks
 from validation.store import Series
 
 
-class Settings(Spec, frozen=True):
+class DampingSettings(Spec, frozen=True):
     """Damping ratios of the fastest mode; the method and its published stability limit on the real axis; and a target.
 
     `target` is the damping ratio specified for the slowest mode of the continuous link, whose frequency is `slowest`
@@ -42,8 +39,17 @@ class Settings(Spec, frozen=True):
     refined: tuple[int, ...]
 
 
-def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """Yield stable steps with Kelvin-Voigt damping, then one target damping ratio on finer and finer chains."""
+@kind
+def damping(case: Case, settings: DampingSettings) -> Iterator[Measured | Series]:
+    """Kelvin-Voigt damping: largest stable step against the damping ratio of the fastest mode; ratio of the slowest.
+
+    The damping ratio of the slowest mode must be as specified for any number of hinges.
+
+    With d = η k every mode has ζ = η ω/2. A mode with ζ > 1 decays with rates λ = −ω (ζ ± √(ζ² − 1)); the faster one
+    limits the step: h ω = r / (ζ + √(ζ² − 1)), with r the method's stability limit on the negative real axis.
+
+    Yield stable steps with Kelvin-Voigt damping, then one target damping ratio on finer and finer chains.
+    """
     free = _scene(case, settings.chain, {})
     ω = largest_frequency(fl.lump(free), np.zeros(fl.lump(free).n))
     steps = {}
@@ -63,7 +69,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     yield from _refined(case, settings)
 
 
-def _refined(case: Case, settings: Settings) -> Iterator[Measured]:
+def _refined(case: Case, settings: DampingSettings) -> Iterator[Measured]:
     """Compare the damping ratio of the chain's slowest mode with the ratio specified for the frequency of that mode."""
     damping = {"ratio": settings.target, "at_hz": settings.slowest / (2 * math.pi)}
     for hinges in settings.refined:
@@ -96,3 +102,39 @@ def _scene(case: Case, rule: Rule, change: dict[str, Any]) -> Scene:
 
 def _step(scene: Scene, method: str) -> float:
     return fl.stable_step(fl.lump(scene), method=method)
+
+
+PERIODS, OF_A_PERIOD = 8, 200  # periods of a run, samples per period
+
+
+@kind
+def constant_damping(case: Case, ratio: Positive, modes: int, amplitude: Positive) -> Iterator[Measured]:
+    """Damping with an equal ratio in every mode: decrements of free vibrations in the first modes.
+
+    The logarithmic decrement is ln(A_k / A_k+1) = 2π ζ / √(1 − ζ²) per period. Each run starts in one mode with an
+    amplitude in the linear range; its peaks are found by parabolas through samples of the tip.
+
+    Yield each mode's damping ratio, from its decrement, relative to the target; tips start at `amplitude` [m].
+    """
+    for scene in case.load_scenes():
+        damped = scene.varied({"link.*.damping": {"ratio": ratio, "law": "constant"}})
+        found = fl.modes(fl.lump(scene), count=modes)
+        for k in range(modes):
+            ζ = _decrement_ratio(_ringing(damped, found.shapes[k].real, 2 * math.pi / found.frequencies[k], amplitude))
+            note = f"Found {ζ:.6g}, asked for {ratio:g}."
+            yield Measured(f"ratio of mode {k + 1}", abs(ζ / ratio - 1), scene.name, note=note)
+
+
+def _ringing(scene: fl.Scene, shape: np.ndarray, period: float, amplitude: float) -> fl.Trajectory:
+    chain = fl.lump(scene)
+    tip = fl.jacobian(chain, np.zeros(chain.n)).linear[1] @ shape
+    every = period / OF_A_PERIOD
+    settings = {"method": "Radau9", "tolerance": 1e-6 * amplitude, "sample": every, "duration": PERIODS * period}
+    return fl.simulate(scene.varied({"initial.q": (amplitude / tip * shape).tolist(), "run": settings}))
+
+
+def _decrement_ratio(run: fl.Trajectory) -> float:
+    """Damping ratio from the slope of the logarithms of the maxima."""
+    _, heights = peaks(run)
+    decrement = -float(np.polyfit(np.arange(len(heights)), np.log(heights), 1)[0])
+    return decrement / math.hypot(2 * math.pi, decrement)

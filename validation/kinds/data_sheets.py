@@ -15,18 +15,16 @@ from flexlink.describe.spec import decode
 from validation import kinds
 from validation.case import Case, Measured, load_cases
 from validation.facts import Facts
+from validation.kinds import kind
 from validation.physics.variant import Rule
 from validation.store import Series, table
 
-TIMED = True
-BESIDE = True
-LONG = True
-
-ENGINES = (("flexlink", "native", "error_at"), ("MuJoCo", "mujoco", "mujoco_error_at"))
+ENGINES = {"native": "flexlink", "mujoco": "MuJoCo"}
 HEADS = ("program", "rule", "hinges a link", "error", "accepted", "CPU time [s]")
 WORTH_TWICE = 0.03  # s: shorter measurements are repeated, and the faster one counts
 
 
+@kind(timed=True, beside=True, long=True)
 def run(case: Case, benchmarks: tuple[str, ...] = ()) -> Iterator[Measured | Series]:
     """Yield a data sheet for each named benchmark, by default for all benchmarks that have one."""
     for sheet in (each for each in load_cases() if each.sheet and each.name in (benchmarks or (each.name,))):
@@ -35,13 +33,10 @@ def run(case: Case, benchmarks: tuple[str, ...] = ()) -> Iterator[Measured | Ser
 
 def _sheet(case: Case) -> Iterator[Measured | Series]:
     assert case.sheet is not None
-    kind = kinds.KINDS[case.kind]
-    settings: Any = decode(case.settings, kinds.SETTINGS[case.kind], "settings")
+    measured = kinds.KINDS[case.kind]
+    settings: Any = decode(case.settings, measured.settings, "settings")
     rows, best = [], float("inf")
-    for name, engine, function in ENGINES:
-        measure: Callable[..., float] | None = getattr(kind, function, None)
-        if measure is None:
-            continue
+    for engine, measure in measured.sheet.items():
         for at in _settings(settings):
             try:
                 error, seconds = _timed(measure, case, settings, at)
@@ -50,7 +45,7 @@ def _sheet(case: Case) -> Iterator[Measured | Series]:
             facts: Facts = {"job": case.name, **at.facts}
             yield Measured("error", error, case.scenes[0], engine, facts)
             yield Measured("CPU time", seconds, case.scenes[0], engine, facts, timed=True)
-            rows.append((name, at.rule, at.hinges, error, case.sheet.accepted, seconds))
+            rows.append((ENGINES[engine], at.rule, at.hinges, error, case.sheet.accepted, seconds))
             best = min(best, error) if engine == "native" else best
     yield Measured("best error / accepted", best / case.sheet.accepted, case.scenes[0], varied={"job": case.name})
     about = f"{case.about} Error: {case.sheet.error}; accepted: {case.sheet.accepted:g}."

@@ -28,12 +28,12 @@ from flexlink.dynamics.rounding import EPS
 from validation.case import Case, Measured
 from validation.extremes.cells import Cell, Map, recipe
 from validation.facts import in_words
+from validation.kinds import kind
 from validation.oracles.common_origin import of_state
 from validation.store import Series, table
 
 Numbers = dict[str, Array]
 
-LONG = True
 
 NATIVE = "native"
 MEASURES = {"M": "M", "M, scaled": "M", "T_GC": "T_GC", "q̈": "q̈"}
@@ -98,6 +98,17 @@ class CellErrors(NamedTuple):
         return own / max(min(others), np.sqrt(self.n) * EPS) if others else np.nan
 
 
+def cell_in_words(case: Case, settings: Settings, number: int) -> Iterator[str]:
+    """Describe one cell and its result, line by line."""
+    cell = list(settings.cells())[number]
+    found = look(settings, cell)
+    yield f"{cell.scene}, {in_words(cell.values)}: {found.n} joints, cond(M) = {found.condition:.2g}"
+    for (engine, measure), error in found.errors.items():
+        yield f"{engine:<10} {measure:<10} error {error:.2g} of the largest element"
+    yield found.refusals
+
+
+@kind(long=True, cell_in_words=cell_in_words)
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """Yield the worst ratio of each measure, overall and by axis, the number of cells, and the cells."""
     found = [(cell, look(settings, cell)) for cell in settings.cells()]
@@ -111,16 +122,6 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     yield Measured("cells", len(found))
     yield Measured("judged", sum(bool(each.errors) for _, each in found))
     yield _series(case, settings, found)
-
-
-def cell_in_words(case: Case, settings: Settings, number: int) -> Iterator[str]:
-    """Describe one cell and its result, line by line."""
-    cell = list(settings.cells())[number]
-    found = look(settings, cell)
-    yield f"{cell.scene}, {in_words(cell.values)}: {found.n} joints, cond(M) = {found.condition:.2g}"
-    for (engine, measure), error in found.errors.items():
-        yield f"{engine:<10} {measure:<10} error {error:.2g} of the largest element"
-    yield found.refusals
 
 
 def look(settings: Settings, cell: Cell) -> CellErrors:

@@ -17,15 +17,15 @@ import numpy as np
 from mpmath import mp
 
 import flexlink as fl
-from flexlink import engines
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from validation.case import Case, Measured
+from validation.kinds import kind
 from validation.oracles.planar_chain import DIGITS
 from validation.oracles.spatial_chain import SpatialChain, exactly
 from validation.physics.variant import Rule
-from validation.runs import run_facts
+from validation.runs import motion_in_mujoco, peaks
 from validation.store import Series, table
 
 ROOT = 1.8751040687119611  # βL of a clamped beam's first mode, cos β cosh β = −1
@@ -41,6 +41,7 @@ class Settings(Spec, frozen=True):
     seed: int = 1
 
 
+@kind
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """Yield errors of the bar by method, of the strip by chain, and of drag torques against 50-digit arithmetic."""
     bar, strip, arm = case.load_scenes()
@@ -50,10 +51,10 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         yield Measured("rate of a bar", _rate_error(scene, found), bar.name, varied=way)
         lost = float(np.abs(found.imbalance).max() / np.max(found.energy.kinetic))
         yield Measured("power balance", lost, bar.name, varied=way)
-    yield _in_mujoco(bar)
+    yield motion_in_mujoco(bar)  # which receives T_DRAG as torques, and computes everything else
     for rule in settings.chains:
         ringing = _ringing(strip, rule, settings.amplitude)
-        t, amplitudes = _peaks(fl.simulate(ringing))
+        t, amplitudes = peaks(fl.simulate(ringing))
         slope = np.polyfit(t, 1 / amplitudes, 1)[0]
         yield Measured("decay of a strip", float(abs(slope / _decay(ringing) - 1)), strip.name, varied=rule.facts)
     rows = [("run", x, 1e3 * a) for x, a in zip(t.tolist(), amplitudes.tolist(), strict=True)]
@@ -74,13 +75,6 @@ def _rate_error(scene: Scene, run: fl.Trajectory) -> float:
     return float(np.abs(run.qd[:, 0] / exact - 1).max())
 
 
-def _in_mujoco(scene: Scene) -> Measured:
-    """Compare with MuJoCo, which receives T_DRAG as torques computed by flexlink, and computes everything else."""
-    ours = fl.simulate(scene)
-    _, q, _ = engines.load("mujoco", ours.chain).integrate(scene)
-    return Measured("MuJoCo's motion", float(np.abs(q - ours.q).max()), scene.name, "mujoco", run_facts(scene.run))
-
-
 def _ringing(strip: Scene, rule: Rule, amplitude: float) -> Scene:
     """The strip, released from rest in the first mode shape of its chain; `amplitude` is the tip deflection [m]."""
     scene = strip.varied({"link.strip.lumping": rule.rule, "link.strip.segments": rule.hinges + 1})
@@ -88,15 +82,6 @@ def _ringing(strip: Scene, rule: Rule, amplitude: float) -> Scene:
     shape = fl.modes(chain, count=1).shapes[0].real
     start = amplitude * shape / (fl.jacobian(chain, np.zeros(chain.n)).linear[1] @ shape)
     return scene.varied({"initial.q": tuple(start.tolist())})
-
-
-def _peaks(run: fl.Trajectory) -> tuple[Array, Array]:
-    """Times and heights of the maxima of the tip deflection, by parabolas through three samples."""
-    y = run.tip[:, 1]
-    i = np.flatnonzero((y[1:-1] > y[:-2]) & (y[1:-1] >= y[2:])) + 1
-    before, here, after = y[i - 1], y[i], y[i + 1]
-    bend, slope = before - 2 * here + after, (after - before) / 2
-    return run.t[i] - slope / bend * (run.t[1] - run.t[0]), here - slope**2 / (2 * bend)
 
 
 def _decay(scene: Scene) -> float:

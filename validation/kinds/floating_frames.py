@@ -19,9 +19,8 @@ from flexlink.results.tip_motion import largest_distance
 from validation.case import Case, Measured
 from validation.formulations.exact_modes import in_a_frame, on_a_hub, scaled
 from validation.formulations.ladder import FORMULATIONS, attempt
-from validation.formulations.outcome import Setting
-from validation.formulations.references import Reference
-from validation.formulations.task import Described, Task, task_of
+from validation.formulations.task import Described, Reference, Setting, Task, task_of
+from validation.kinds import kind
 from validation.store import Series, table
 
 OURS, FRAME, TEXTBOOK = "strain modes", "Exudyn FFRF", "linear modes, separate equations"
@@ -59,6 +58,7 @@ class Point(NamedTuple):
     error: float
 
 
+@kind
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """Yield errors by number of modes, distances from the same modes by separate equations, and how errors compare."""
     full, points = task_of("torque_pulse", settings.driven), list[Point]()

@@ -19,19 +19,10 @@ import msgspec
 from flexlink.describe.spec import Positive, Spec
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.formulations.ladder import (
-    ADVISE,
-    FORMULATIONS,
-    Rung,
-    cheapest,
-    climb,
-    most_accurate,
-    smallest,
-)
+from validation.formulations.ladder import ADVISE, FORMULATIONS, Rung, cheapest, climb, most_accurate, smallest
 from validation.formulations.task import Described, Task, task_of
+from validation.kinds import kind
 from validation.store import Series, table
-
-TIMED = True
 
 OURS = "native"
 RUNS, STATED = "runs", "least error / stated"
@@ -56,17 +47,17 @@ class Climbed(NamedTuple):
     rungs: list[Rung]
 
 
-def rehearsal(settings: Settings) -> Settings:
-    """The first setting of every ladder, which compiles all kernels."""
-    first = {
+def _first_settings(task: dict[str, Described]) -> dict[str, Described]:
+    """Tasks with the first setting of every ladder."""
+    return {
         name: msgspec.structs.replace(
             each, ladder={key: {k: v[:1] for k, v in ladder.items()} for key, ladder in each.ladder.items()}
         )
-        for name, each in settings.task.items()
+        for name, each in task.items()
     }
-    return msgspec.structs.replace(settings, task=first)
 
 
+@kind(timed=True, rehearsal={"task": _first_settings})
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """Yield for each task and formulation the cheapest and smallest runs, the least error, and the series of runs."""
     for name in settings.scenes:
@@ -87,14 +78,8 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
             yield from _of_formulation(task, climbed, errors, described.reaches)
         for error in errors:
             rows = (*_ratio(task, found, error), *_of_advice(task, found, error))
-            yield from (row for row in rows if not _has_separate_limit(case, name, row.quantity))
+            yield from (row for row in rows if not case.has_separate_limit(name, row.quantity))
         yield _series(task, found)
-
-
-def _has_separate_limit(case: Case, name: str, quantity: str) -> bool:
-    """Whether a separate quantity of this scene replaces the limit for all scenes."""
-    own = case.quantity.get(f"{name}, {quantity}")
-    return own is not None and bool(own.given_up)
 
 
 def _not_run(scene: str, name: str, why: str) -> Measured:

@@ -25,6 +25,7 @@ from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.motion.inputs.initial_state import initial_state
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.kinds import kind
 from validation.physics.hinge_sweep import Point, Sweep, by_rule, order, published, report
 from validation.physics.parity import load_stiffness, springs, symmetric_squares
 from validation.physics.variant import Rule, Variant, existing
@@ -53,6 +54,32 @@ class Settings(Sweep, frozen=True, kw_only=True):
     price: bool = False
 
 
+def error_at(case: Case, settings: Settings, at: Rule) -> float:
+    """Largest relative error of a frequency over all variants and modes, for a data sheet."""
+    return _worst(case, settings, at, lambda scene, variant: _frequencies(scene, variant, settings))
+
+
+def mujoco_error_at(case: Case, settings: Settings, at: Rule) -> float:
+    """Largest relative error of a frequency by MuJoCo's M and torques, from the exported file.
+
+    Raises
+    ------
+    ArgumentError
+        The settings select modes by kind, which MuJoCo does not determine.
+    """
+    if settings.kinds:
+        raise ArgumentError("MuJoCo does not determine the kinds of modes")
+
+    def found(scene: Scene, variant: Variant) -> Array:
+        state = _state(scene, variant, settings)
+        squares = _mujoco_squares(state)[state.rigid :][: settings.modes]
+        ω = np.append(np.sqrt(squares), np.full(settings.modes - len(squares), np.inf))
+        return ω / (2 * np.pi) if settings.unit == "Hz" else ω
+
+    return _worst(case, settings, at, found)
+
+
+@kind(sheet={"native": error_at, "mujoco": mujoco_error_at})
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """Yield the sweep over rules and hinges, then every variant with the best chain, native and in MuJoCo."""
     points = []
@@ -80,31 +107,6 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
             yield Measured(f"error of mode {k + 1}", error, varied=_facts(variant, settings), note=note)
         yield _parity(scene, variant, settings)
     yield published(pairs, f"{case.title} ({settings.best})")
-
-
-def error_at(case: Case, settings: Settings, at: Rule) -> float:
-    """Largest relative error of a frequency over all variants and modes, for a data sheet."""
-    return _worst(case, settings, at, lambda scene, variant: _frequencies(scene, variant, settings))
-
-
-def mujoco_error_at(case: Case, settings: Settings, at: Rule) -> float:
-    """Largest relative error of a frequency by MuJoCo's M and torques, from the exported file.
-
-    Raises
-    ------
-    ArgumentError
-        The settings select modes by kind, which MuJoCo does not determine.
-    """
-    if settings.kinds:
-        raise ArgumentError("MuJoCo does not determine the kinds of modes")
-
-    def found(scene: Scene, variant: Variant) -> Array:
-        state = _state(scene, variant, settings)
-        squares = _mujoco_squares(state)[state.rigid :][: settings.modes]
-        ω = np.append(np.sqrt(squares), np.full(settings.modes - len(squares), np.inf))
-        return ω / (2 * np.pi) if settings.unit == "Hz" else ω
-
-    return _worst(case, settings, at, found)
 
 
 def _worst(case: Case, settings: Settings, at: Rule, found: Callable[[Scene, Variant], Array]) -> float:

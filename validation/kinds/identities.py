@@ -28,6 +28,7 @@ from flexlink.dynamics.point_motion import body_motion
 from flexlink.dynamics.rounding import acceleration_error, in_units, of_mass_matrix
 from flexlink.dynamics.terms import algorithms_of
 from validation.case import Case, Measured
+from validation.kinds import kind
 
 TRIGONOMETRIC_STENCIL = {
     j * 2 * math.pi / 5 * sign: sign * 0.5 * (-1) ** (j + 1) / math.sin(j * math.pi / 5)
@@ -38,9 +39,8 @@ TRIGONOMETRIC_STENCIL = {
 QUADRATIC_STENCIL = {1.0: 0.5, -1.0: -0.5}
 """Step → weight, for the derivative of a quadratic."""
 
-LONG = True
 
-
+@kind(long=True)
 def run(case: Case, samples: int, seed: int = 0) -> Iterator[Measured]:
     """Yield the largest violation of each identity over the states of each scene."""
     for scene in case.load_scenes():

@@ -16,12 +16,9 @@ from flexlink.results.stop_reasons import DivergenceError
 from flexlink.results.trajectory import Trajectory
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.kinds import kind
 from validation.speed.races import race
 from validation.store import Series, table
-
-TIMED = True
-BESIDE = True
-
 
 LABELS = (
     "method", "step [s]", "error [rad]", "energy drift [J]", "evaluations per simulated second",
@@ -29,6 +26,7 @@ LABELS = (
 )  # fmt: skip
 
 
+@kind(timed=True, beside=True)
 def run(
     case: Case,
     duration: Positive,

@@ -11,11 +11,13 @@ from flexlink.describe.schemes.methods import Method
 from flexlink.describe.schemes.methods import method as method_of
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.kinds import kind
 from validation.oracles.collocation import collocation
 from validation.oracles.rooted_trees import DIGITS, Coefficients, coefficients, residuals
 from validation.oracles.rooted_trees import embedded as embedded_coefficients
 
 
+@kind
 def run(case: Case, methods: tuple[str, ...], embedded: dict[str, tuple[int, ...]] | None = None) -> Iterator[Measured]:
     """Yield residuals of the conditions; for Gauss and Radau IIA also the rounding of the float64 coefficients.
 

@@ -17,12 +17,14 @@ from flexlink.dynamics.rounding import acceleration_error
 from flexlink.robots.collection import import_known, known_arm
 from flexlink.robots.importing import tuned
 from validation.case import MODELS, Case, Measured
+from validation.kinds import kind
 from validation.physics.source_urdf import Original
 
 BENDING = "_flexible"
 """Suffix of the names of flexible arms; the name without it belongs to the same arm with rigid links."""
 
 
+@kind
 def run(case: Case, samples: int, hertz: tuple[float, ...] = ()) -> Iterator[Measured]:
     """Yield the largest errors at random states, and errors of the frequencies that `modes` finds for tuned links.
 

@@ -1,8 +1,4 @@
-"""Cost of a model against its total error at the tip: type of the links, rule, hinges, method and steps.
-
-The error is the distance from the tip of a chain with infinitely many hinges, exact in time, relative to the tip's
-motion; only the time of the steps counts, as in `speed_trade`.
-"""
+"""Error of a model of an arm: what causes it, and what it costs."""
 
 from __future__ import annotations
 
@@ -12,18 +8,20 @@ from typing import Any, NamedTuple
 import msgspec
 from msgspec.structs import replace
 
+from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.wording import plural
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from flexlink.results.tip_motion import largest_distance, tip_travel
 from validation.case import Case, Measured
+from validation.facts import Facts
+from validation.kinds import kind
 from validation.runs import stable_steps
 from validation.store import Series, table
-from validation.trade.error_parts import TYPES, Fine, Setup, Type
-from validation.trade.native_ladder import OF_STABLE, timed_run
-
-TIMED = True
+from validation.trade.error_parts import TYPES, Fine, Setup, Split, Splitter, Type
+from validation.trade.scenes import seen
+from validation.trade.with_flexlink import OF_STABLE, timed_run
 
 COLUMNS = ("type", "rule", "hinges", "method", "setting", "error", "CPU time [s]")
 NAMES = {"rigid": "rigid"} | {flex: name for name, flex in TYPES.items()}
@@ -90,10 +88,16 @@ class Run(NamedTuple):
         return NAMES[setup.flex], setup.rule, setup.hinges, setup.method, setup.step or setup.tolerance, *self[1:]
 
 
-def run(
+@kind(timed=True)
+def speed_models(
     case: Case, scene: dict[str, Grid], errors: tuple[Positive, ...], budget: Positive
 ) -> Iterator[Measured | Series]:
-    """Yield the reference's error, the cheapest run for each error, and a series of all runs.
+    """Cost of a model against its total error at the tip: type of the links, rule, hinges, method and steps.
+
+    The error is the distance from the tip of a chain with infinitely many hinges, exact in time, relative to the tip's
+    motion; only the time of the steps counts, as in `speed_trade`.
+
+    Yield the reference's error, the cheapest run for each error, and a series of all runs.
 
     `errors` are fractions of the motion; `budget` is the longest run [s of CPU].
     """
@@ -125,4 +129,66 @@ def _made(scene: Scene, setup: Setup, truth: Any, motion: float, longest: float)
         runs = [timed_run(cut, longest) for _ in range(3)]
     except FlexlinkError:
         return None
-    return Run(setup, largest_distance(runs[0].seen.tip, truth) / motion, min(each.seconds for each in runs))
+    tip = seen(lump(cut), runs[0].q).tip
+    return Run(setup, largest_distance(tip, truth) / motion, min(each.seconds for each in runs))
+
+
+PARTS = ("model", "space", "time", "rounding")
+
+
+class Errors(Spec, frozen=True):
+    """Settings of one scene: its changes, the reference, and the runs by name.
+
+    Attributes
+    ----------
+    true
+        Type of links of the reference.
+    fine, in_time
+        Settings whose result is converged in space and time; settings that integrate a run's own chain exactly in time.
+    """
+
+    true: Type
+    fine: Fine
+    in_time: Fine
+    run: dict[str, Setup]
+    change: dict[str, Any] = msgspec.field(default_factory=dict)
+
+
+@kind(long=True)
+def errors_split(case: Case, scene: dict[str, Errors]) -> Iterator[Measured | Series]:
+    """Contributions to a run's error: type of the links, lumping, time steps, rounding.
+
+    Yield the error of every run, its parts and their uncertainties, and a series per scene.
+    """
+    for name, errors in scene.items():
+        base = case.varied_scene(name, errors.change)
+        splitter = Splitter(base, errors.true, errors.fine, errors.in_time)
+        splits = {label: splitter.split(setup) for label, setup in errors.run.items()}
+        for label, split in splits.items():
+            yield from _rows(base, label, split)
+        yield _series(base, splits)
+
+
+def _rows(scene: Scene, label: str, split: Split) -> Iterator[Measured]:
+    facts: Facts = {"run": label}
+    yield Measured("error", split.total, scene.name, varied=facts)
+    yield Measured("reference's own error / error", split.own / split.total, scene.name, varied=facts)
+    total = split.rounding + sum(part.size for part in split.parts.values())
+    yield Measured("error / sum of parts", split.total / total, scene.name, varied=facts)
+    for name, part in split.parts.items():
+        yield Measured("part", part.size, scene.name, varied={**facts, "part": name})
+        if part.size:
+            negligible = 1e-6 * split.total  # smaller parts are irrelevant
+            judged = max(part.size, negligible)
+            yield Measured("own error / part", part.own / judged, scene.name, varied={**facts, "part": name})
+    yield Measured("part", split.rounding, scene.name, varied={**facts, "part": "rounding"})
+
+
+def _series(scene: Scene, splits: dict[str, Split]) -> Series:
+    rows = [
+        (label, *(part.size for part in split.parts.values()), split.rounding, split.total)
+        for label, split in splits.items()
+    ]
+    columns = table(("run", *PARTS, "total"), rows)
+    title = f"{scene.name}: error of the tip in {scene.run.duration:g} s"
+    return Series("errors", title, columns, "run", "run", "error of the tip [m]", y_scale="log", scene=scene.name)

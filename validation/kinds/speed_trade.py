@@ -1,29 +1,26 @@
-"""Work-precision study: time for a given error with flexlink, MuJoCo, Pinocchio, SciPy, CVODE, Drake and Exudyn.
-
-Times are CPU times of the thread during the runs, without set-up and compilation. Other programs' times are
-interpolated between their runs and extrapolated by order; a run that would take too long at the stability limit counts
-as free of error. For flexlink only runs that met the error count. Pinocchio's time is that of its evaluations only
-(`pinocchio_ladder`).
-"""
+"""Work-precision studies: CPU time for a given error in flexlink and in other programs."""
 
 from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import MissingDependencyError
 from flexlink.describe.spec import Positive, Spec
+from flexlink.engines.mujoco import quiet
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.kinds import kind
 from validation.store import Series, table
-from validation.trade import mujoco_ladder, native_ladder, pinocchio_ladder, solver_ladder, witness_ladder
+from validation.trade import contestants, with_flexlink, with_mujoco, with_pinocchio
+from validation.trade.first_order import FirstOrder
 from validation.trade.scenes import scenes, trade_scene
+from validation.trade.with_flexlink import described, prepared
 from validation.trade.work_precision import Cost, Point, cost
-
-TIMED = True
 
 Ladders = dict[str, list[Point]]
 COLUMNS = "method", "setting", "error", "CPU time [s]", "deflection error", "evaluations"
@@ -36,13 +33,13 @@ LAST_ERROR = 1e-8  # error at which the runs of a method end
 RK4, MUJOCO, PINOCCHIO, SOLVERS = "RK4", "MuJoCo", "Pinocchio", "solvers"
 ORDER_OF_RK4 = 4.0  # for extrapolation; also used for SciPy and CVODE unless their last points show a higher order
 ORDERS_OF_OTHERS: Mapping[str, Mapping[str, float]] = {
-    MUJOCO: mujoco_ladder.ORDER,
-    PINOCCHIO: pinocchio_ladder.ORDER,
+    MUJOCO: with_mujoco.ORDER,
+    PINOCCHIO: with_pinocchio.ORDER,
     "Exudyn": {"GeneralizedAlpha": 2.0, "TrapezoidalIndex2": 2.0},
 }
 
 
-class Settings(Spec, frozen=True):
+class SpeedTradeSettings(Spec, frozen=True):
     """Scenes; errors, as fractions of the motion; methods; longest runs [s of CPU]; other programs and their scenes.
 
     `methods` use tolerances, `stepped` methods use fixed steps. `solvers` and `witnesses` that are not installed are
@@ -78,56 +75,58 @@ class Aim(NamedTuple):
         return point if self.what == "error" or point.time_only else point._replace(error=point.bend)
 
 
-def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """Yield times, evaluations, ratios to flexlink's cheapest run, and a series of all runs."""
+@kind(timed=True)
+def speed_trade(case: Case, settings: SpeedTradeSettings) -> Iterator[Measured | Series]:
+    """Work-precision study: time for a given error with flexlink, MuJoCo, Pinocchio, SciPy, CVODE, Drake and Exudyn.
+
+    Times are CPU times of the thread during the runs, without set-up and compilation. Other programs' times are
+    interpolated between their runs and extrapolated by order; a run that would take too long at the stability limit
+    counts as free of error. For flexlink only runs that met the error count. Pinocchio's time is that of its
+    evaluations only (`with_pinocchio`).
+
+    Yield times, evaluations, ratios to flexlink's cheapest run, and a series of all runs.
+    """
     for name in settings.scenes:
         ours, others = _ours(name, settings), _others(name, settings)
         for aim in (Aim(what, error) for what in ("error", "deflection error") for error in settings.errors):
             rows = _rows(name, aim, ours, others)
-            yield from (row for row in rows if not _has_separate_limit(case, name, row.quantity))
+            yield from (row for row in rows if not case.has_separate_limit(name, row.quantity.removesuffix(HARD_SCENE)))
         drawn = {f"{group} {key}": points for group in others if group != RK4 for key, points in others[group].items()}
         yield _series(name, ours | others[RK4] | drawn)
 
 
-def _has_separate_limit(case: Case, name: str, quantity: str) -> bool:
-    """Whether a separate quantity of this scene replaces the limit for all scenes."""
-    own = case.quantity.get(f"{name}, {quantity.removesuffix(HARD_SCENE)}")
-    return own is not None and bool(own.given_up)
+def _ours(name: str, settings: SpeedTradeSettings) -> Ladders:
+    found = {each: with_flexlink.by_tolerance(name, each, settings.budget, LAST_ERROR) for each in settings.methods}
+    return found | {each: with_flexlink.by_step(name, each, settings.budget, LAST_ERROR) for each in settings.stepped}
 
 
-def _ours(name: str, settings: Settings) -> Ladders:
-    found = {each: native_ladder.by_tolerance(name, each, settings.budget, LAST_ERROR) for each in settings.methods}
-    return found | {each: native_ladder.by_step(name, each, settings.budget, LAST_ERROR) for each in settings.stepped}
-
-
-def _others(name: str, settings: Settings) -> dict[str, Ladders]:
+def _others(name: str, settings: SpeedTradeSettings) -> dict[str, Ladders]:
+    scene = trade_scene(name)
     found: dict[str, Ladders] = {
-        RK4: {native_ladder.LIMIT: native_ladder.by_step(name, "RK4", settings.budget, LAST_ERROR)},
-        MUJOCO: {} if trade_scene(name).motion else mujoco_ladder.points(name, settings.budget, LAST_ERROR),
+        RK4: {with_flexlink.LIMIT: with_flexlink.by_step(name, "RK4", settings.budget, LAST_ERROR)},
+        MUJOCO: {} if scene.motion else with_mujoco.points(name, scene, settings.budget, LAST_ERROR),
         SOLVERS: _solvers(name, settings) if name in settings.solver_scenes else {},
     }
     if settings.pinocchio:
-        found[PINOCCHIO] = pinocchio_ladder.points(name, settings.pinocchio_tolerances, settings.pinocchio, LAST_ERROR)
+        found[PINOCCHIO] = with_pinocchio.points(name, settings.pinocchio_tolerances, settings.pinocchio, LAST_ERROR)
     for engine in settings.witnesses if name in settings.witness_scenes else ():
         with contextlib.suppress(MissingDependencyError):
-            found[witness_ladder.NAMES[engine]] = witness_ladder.points(engine, name, settings.budget, LAST_ERROR)
+            found[contestants.WITNESSES[engine]] = contestants.witnessed(engine, name, settings.budget, LAST_ERROR)
     return found
 
 
-def _solvers(name: str, settings: Settings) -> Ladders:
-    found: Ladders = {}
+def _solvers(name: str, settings: SpeedTradeSettings) -> Ladders:
+    form, found = FirstOrder(trade_scene(name)).compiled(), dict[str, list[Point]]()
     for solver in settings.solvers:
-        try:
-            found[solver] = solver_ladder.points(name, solver, settings.solver_tolerances)
-        except MissingDependencyError:  # CVODE is optional; SciPy's best solver is present
-            continue
+        with contextlib.suppress(MissingDependencyError):  # CVODE is optional; SciPy's best solver is present
+            found[solver] = contestants.refined(name, form, solver, settings.solver_tolerances)
     return found
 
 
 def _rows(name: str, aim: Aim, ours: Ladders, others: dict[str, Ladders]) -> Iterator[Measured]:
     ours, others = _seen(aim, ours), {group: _seen(aim, ladders) for group, ladders in others.items()}
     for method in ours:
-        if own := native_ladder.cheapest({method: ours[method]}, aim.error):
+        if own := with_flexlink.cheapest({method: ours[method]}, aim.error):
             yield Measured("CPU time", 1e3 * own[1].seconds, name, varied=aim.facts(method), timed=True)
             yield Measured("evaluations", own[1].evaluations, name, varied=aim.facts(method), timed=True)
     for group, ladders in others.items():
@@ -139,7 +138,7 @@ def _rows(name: str, aim: Aim, ours: Ladders, others: dict[str, Ladders]) -> Ite
             if (evaluations := _cost(group, each, work, aim.error)) and evaluations.seconds:
                 yield Measured("evaluations", round(evaluations.seconds), name, group, facts, timed=True)
         if costs:
-            best = native_ladder.cheapest(ours if group == RK4 else ours | others[RK4], aim.error)
+            best = with_flexlink.cheapest(ours if group == RK4 else ours | others[RK4], aim.error)
             yield from _ratios(name, group, aim, costs, best)
 
 
@@ -190,3 +189,105 @@ def _series(name: str, ladders: Ladders) -> Series:
     title = f"{name}: {scenes()[name].about}"
     columns, (_, _, x, y, *_) = table(COLUMNS, rows), COLUMNS
     return Series("work", title, columns, x, x, y, "log", "log", group="method", scene=name)
+
+
+ROUNDS, REPEATS = 3, 5
+RIGID, OF_ORDER = ", rigid", 1e-4  # suffix for arms without springs, at errors up to 1e-4
+CLOCKS = {"prepared": prepared, "description": described}
+ORDERS: Mapping[str, Mapping[str, float]] = {"MuJoCo": with_mujoco.ORDER, "Pinocchio": with_pinocchio.ORDER}
+
+
+@kind(timed=True)
+def speed_whole(
+    case: Case,
+    scenes: tuple[str, ...],
+    errors: tuple[Positive, ...],
+    methods: tuple[str, ...],
+    budget: Positive,
+    pinocchio: int,
+    pinocchio_tolerances: tuple[Positive, ...],
+) -> Iterator[Measured]:
+    """Time for a given error in complete calls by a user: flexlink against MuJoCo and Pinocchio.
+
+    prepared      flexlink repeats a run, which includes its tips, energies and checks; of other programs only the
+                  steps of a loaded model are timed
+    description   from the text of the description (a scene file, an MJCF, a URDF) to the result
+
+    Times are CPU times of the thread with everything compiled, the fastest of several rounds. Other programs' times are
+    interpolated between their runs and extrapolated by order; for flexlink only runs that met the error count.
+    Pinocchio's time is that of its evaluations in a C++ loop only.
+
+    Yield times of both kinds of calls by method, and ratios of other programs' shortest times to flexlink's.
+
+    `errors` are fractions of the motion, `budget` is the longest run [s of CPU], `pinocchio` the largest number of
+    evaluations in a Pinocchio run.
+    """
+    smallest = min(errors)
+
+    def mujoco(name: str) -> Ladders:
+        return with_mujoco.points(name, trade_scene(name), budget, smallest)
+
+    def native(name: str, clock: with_flexlink.Clock) -> Ladders:
+        return {each: with_flexlink.by_tolerance(name, each, budget, smallest, clock) for each in methods}
+
+    for name in scenes:
+        chain = lump(trade_scene(name))
+        rounds = [(mujoco(name), *(native(name, clock) for clock in CLOCKS.values())) for _ in range(ROUNDS)]
+        of_mujoco, *ours = (_fastest(ladders) for ladders in zip(*rounds, strict=True))
+        of_pinocchio = with_pinocchio.points(name, pinocchio_tolerances, pinocchio, smallest)
+        with quiet():
+            others = {
+                "MuJoCo": (of_mujoco, least_seconds(with_mujoco.loading(chain))),
+                "Pinocchio": (of_pinocchio, least_seconds(with_pinocchio.loading(chain))),
+            }
+        for what, ladders in zip(CLOCKS, ours, strict=True):
+            for error in errors:
+                yield from _whole_rows(name, what, error, ladders, others)
+
+
+def least_seconds(call: Callable[[], object]) -> float:
+    """Least CPU time of several calls [s]."""
+
+    def seconds() -> float:
+        begun = time.thread_time()
+        call()
+        return time.thread_time() - begun
+
+    return min(seconds() for _ in range(REPEATS))
+
+
+def _fastest(rounds: Sequence[Ladders]) -> Ladders:
+    """The fastest of equal runs over several rounds."""
+    return {
+        method: [
+            min(same, key=lambda point: point.seconds) for same in zip(*(each[method] for each in rounds), strict=False)
+        ]
+        for method in rounds[0]
+    }
+
+
+def _whole_rows(
+    name: str, what: str, error: float, ours: Ladders, others: dict[str, tuple[Ladders, float]]
+) -> Iterator[Measured]:
+    for method, points in ours.items():
+        if own := with_flexlink.cheapest({method: points}, error):
+            facts: Facts = {"method": method, "error": error}
+            yield Measured(f"CPU time, {what}", 1e3 * own[1].seconds, name, varied=facts, timed=True)
+    best, rigid = with_flexlink.cheapest(ours, error), "" if lump(trade_scene(name)).stiffness.any() else RIGID
+    for group, (ladders, loading) in others.items():
+        costs = {
+            each: known.seconds
+            for each, points in ladders.items()
+            if (known := cost(points, error, ORDERS[group][each])) is not None
+        }
+        if not costs:
+            continue
+        least = min(costs, key=lambda each: costs[each])
+        seconds = costs[least] + (loading if what == "description" else 0.0)
+        cheapest: Facts = {"method": least, "error": error}
+        yield Measured(f"CPU time, {what}", 1e3 * seconds, name, group, cheapest, timed=True)
+        note = f"{least}: {1e3 * seconds:.4g} ms"
+        note += f"; {best[0]}: {1e3 * best[1].seconds:.4g} ms" if best else "; flexlink does not reach this error"
+        ratio = seconds / best[1].seconds if best else 0.0
+        quantity = f"{group} / flexlink, {what}, error {error:g}{rigid if error <= OF_ORDER else ''}"
+        yield Measured(quantity, ratio, name, group, {"error": error}, note=note, timed=True)

@@ -31,10 +31,9 @@ from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.simulate import simulate
 from flexlink.results.stop_reasons import DivergenceError
 from validation.case import Case, Measured
+from validation.kinds import kind
 from validation.physics.formulas import torques_of_links
 from validation.store import Series, table
-
-LONG = True
 
 STEPS_OF_A_RUN = 3
 """Number of steps of a run; few, so that differences stay small even if they grow tenfold per step (inverted arm)."""
@@ -58,6 +57,7 @@ class Rest(NamedTuple):
     aside: Array  # displacement of (q, q̇), (2 n,)
 
 
+@kind(long=True)
 def run(case: Case, methods: tuple[str, ...]) -> Iterator[Measured | Series]:
     """Yield observed / predicted step − 1 for every scene that has a largest stable step, and their number."""
     rows = list[tuple[str, int, str, float, float, float]]()

@@ -18,12 +18,13 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive
 from flexlink.diagnosis.quantities import QUANTITIES, random_states
 from validation.case import Case, Measured
+from validation.kinds import kind
 from validation.runs import run_facts
 
-LONG = True
 RELATIVE_QUANTITIES = ("M", "T_GC", "T_GC with tip wrench", "T_FL", "T_FR")
 
 
+@kind(long=True)
 def run(
     case: Case,
     methods: dict[str, tuple[str, ...]],

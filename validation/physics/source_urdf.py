@@ -21,13 +21,7 @@ class Original:
     """
 
     def __init__(
-        self,
-        path: Path,
-        names: list[str],
-        positions: Mapping[str, float],
-        gravity: Array,
-        *,
-        free_base: bool = False,
+        self, path: Path, names: list[str], positions: Mapping[str, float], gravity: Array, *, free_base: bool = False
     ) -> None:
         whole = pin.buildModelFromUrdf(str(path), *([pin.JointModelFreeFlyer()] if free_base else []))
         floats = 6 * free_base

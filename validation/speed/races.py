@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from msgspec.structs import replace
@@ -108,13 +108,13 @@ class Races(Spec, frozen=True):
             yield Race(chain, job, n, race(works, self.turns, self.turn))
 
 
-Some = TypeVar("Some", bound=Races)
+def shortest(chain: Mapping[str, Family]) -> dict[str, Family]:
+    """Families with their shortest chains only."""
+    return {name: replace(family, segments=family.segments[:1]) for name, family in chain.items()}
 
 
-def rehearsal(settings: Some) -> Some:
-    """Settings for a rehearsal: the shortest chain of every family, once."""
-    shortest = {name: replace(family, segments=family.segments[:1]) for name, family in settings.chain.items()}
-    return replace(settings, chain=shortest, turns=1, turn=0.0)
+REHEARSAL: Mapping[str, Any] = {"chain": shortest, "turns": 1, "turn": 0.0}
+"""Changes of settings for a rehearsal: the shortest chain of every family, once."""
 
 
 def growth(races: Sequence[Race]) -> Iterator[Measured | Series]:

@@ -5,7 +5,7 @@ Each function prepares a run from the scene's initial state and returns a job th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -22,11 +22,13 @@ from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines.mujoco import MujocoEngine, quiet
 from flexlink.engines.pinocchio import PinocchioEngine
+from flexlink.formats.mjcf import to_mjcf
 from flexlink.kernels.stepping.runge_kutta import integrate
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.inputs.drives import side_by_side
 from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.inputs.problem import problem_of
+from validation.speed.evaluations import from_python
 from validation.speed.races import Work
 
 
@@ -144,3 +146,39 @@ def _demand(scene: Scene, engine: str, stable: bool) -> None:
     if not stable:
         step = f"step = {scene.run.fixed_step:g} s"
         raise FlexlinkError(f"{scene.name}: {engine} is unstable at {step}: its time is meaningless")
+
+
+def mujoco_sweep(members: Sequence[Scene]) -> Mapping[str, Work]:
+    """Jobs that cycle through the members and run each to its end by RK4 with its own step."""
+    texts = [_mjcf(scene) for scene in members]
+    models = list(map(_compiled, texts))
+    starts = [initial_state(scene, lump(scene)) for scene in members]
+    datas = list(map(mujoco.MjData, models))
+
+    def run(k: int) -> None:
+        _run_in_mujoco(members[k], models[k], datas[k], starts[k])
+
+    def compile_and_run(k: int) -> None:
+        model = _compiled(texts[k])
+        _run_in_mujoco(members[k], model, mujoco.MjData(model), starts[k])
+
+    def write_compile_and_run(k: int) -> None:
+        model = _compiled(_mjcf(members[k]))
+        _run_in_mujoco(members[k], model, mujoco.MjData(model), initial_state(members[k], lump(members[k])))
+
+    each = {"run": run, "compile, run": compile_and_run, "write, compile, run": write_compile_and_run}
+    return {name: from_python(one, len(members)) for name, one in each.items()}
+
+
+def _mjcf(scene: Scene) -> str:
+    return to_mjcf(lump(scene), shapes=False)
+
+
+def _compiled(text: str) -> mujoco.MjModel:
+    with quiet():
+        return mujoco.MjModel.from_xml_string(text)
+
+
+def _run_in_mujoco(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, start: tuple[Any, Any]) -> None:
+    model.opt.timestep = scene.run.fixed_step
+    take_in_mujoco(scene, model, data, start, round(scene.run.duration / scene.run.fixed_step))

@@ -26,11 +26,12 @@ def main(names: list[str]) -> None:
 
     wanted = cases.load_cases(*names)
     kinds = {case.kind for case in (*wanted, *sheets_of(wanted, cases.load_cases()))}
+    modules = {cases.module_of(kind).rpartition(".")[2] for kind in kinds}
     every = pkgutil.iter_modules
 
     def only_these(path: Any = None, prefix: str = "") -> Iterator[pkgutil.ModuleInfo]:
         kinds_of_study = path is not None and any(str(each).endswith("kinds") for each in path)
-        return (info for info in every(path, prefix) if not kinds_of_study or info.name in kinds)
+        return (info for info in every(path, prefix) if not kinds_of_study or info.name in modules)
 
     pkgutil.iter_modules = only_these  # type: ignore[assignment]
     from validation.measuring import measure  # noqa: PLC0415  after the choice of kinds

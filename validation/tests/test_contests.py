@@ -7,8 +7,8 @@ import pytest
 from docs.generators import readme
 from docs.generators import study as generated
 from reports.contests import CONTESTS, ratios, scenes
-from reports.figures import trade_page
-from reports.findings import trade_advice
+from reports.figures import trade
+from reports.findings.trade import trade_advice
 from reports.results import Results
 from tests.support.words import reviewed
 from validation.formulations.ladder import FORMULATIONS
@@ -49,12 +49,12 @@ def test_every_formulation_has_a_contestant() -> None:
 
 
 def test_every_scene_has_a_panel_with_fronts_and_picks(tmp_path: Path) -> None:
-    page, overview = trade_page.draw(study(tmp_path))
+    page, overview = trade.trade_page(study(tmp_path))
     first, second, *_ = page.figure.axes
     assert [first.get_title(loc="left"), second.get_title(loc="left")] == ["crane", "roll up"]
     lines = {(line.get_marker(), line.get_linewidth()): line.get_xydata().tolist() for line in first.lines}
     assert lines["o", 2.6] == [[1e-4, 4.0], [1e-2, 1.0]], "thick; without the run that is worse in both"
-    assert lines["D", 1.0] == [[trade_page.SMALLEST, 1000.0]], "errors of rounding are drawn at the edge"
+    assert lines["D", 1.0] == [[trade.SMALLEST, 1000.0]], "errors of rounding are drawn at the edge"
     assert [line.get_xydata().tolist() for line in first.lines if line.get_marker() == "*"] == [[[5e-4, 3.0]]]
     (axes,) = overview.figure.axes
     places = {line.get_marker(): line.get_xydata().tolist() for line in axes.lines if line.get_ydata()[0] == 0}
@@ -65,12 +65,12 @@ def test_every_scene_has_a_panel_with_fronts_and_picks(tmp_path: Path) -> None:
 
 def test_one_scene_has_no_page(tmp_path: Path) -> None:
     results = study(tmp_path)
-    assert list(trade_page.draw(Results(**{**vars(results), "rows": results.rows[:2]}))) == []
+    assert list(trade.trade_page(Results(**{**vars(results), "rows": results.rows[:2]}))) == []
 
 
 def test_costs_of_advice_are_stated_with_the_scenes_above_the_limit_and_without_advice(tmp_path: Path) -> None:
     results = study(tmp_path)
-    (made,) = trade_advice.find(results)
+    (made,) = trade_advice(results)
     reviewed("advice: costs", " ".join(made.sentences))
     assert made.lines == (("crane", 1e-2, 0.5, "pick"), ("crane", 1e-3, 2.0, ""))
     assert [each.value for each in ratios(scenes(results)[0])] == [0.5, 2.0]
@@ -78,7 +78,7 @@ def test_costs_of_advice_are_stated_with_the_scenes_above_the_limit_and_without_
 
 @pytest.mark.parametrize("ratio, within", [(1.3, "1 of 2"), (1.31, "0 of 2")])
 def test_a_scene_is_within_the_limit_if_all_its_errors_are(tmp_path: Path, ratio: float, within: str) -> None:
-    (made,) = trade_advice.find(study(tmp_path, second=ratio))
+    (made,) = trade_advice(study(tmp_path, second=ratio))
     assert within in made.sentences[1]
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from flexlink.describe.scene_file import load_scene
-from reports.figures import errors_split as figure
-from reports.findings import errors_split as finding
+from reports.figures import checks as figure
+from reports.findings import errors as finding
 from reports.results import Results
 from tests.support.words import reviewed
 from validation.case import MODELS
@@ -58,7 +58,7 @@ def results(tmp_path):
 
 
 def test_the_error_table_names_the_largest_part_and_leaves_zeros_empty(results):
-    (found,) = finding.find(results)
+    (found,) = finding.errors_split(results)
     assert [(line[0], line[1], line[-1]) for line in found.lines] == [
         ("arm: coarse", None, "space"), ("arm: slack", None, "time"),
     ]  # fmt: skip
@@ -68,7 +68,7 @@ def test_the_error_table_names_the_largest_part_and_leaves_zeros_empty(results):
 
 
 def test_an_error_part_of_zero_is_not_drawn(results):
-    (picture,) = figure.draw(results)
+    (picture,) = figure.errors_split(results)
     (axes,) = picture.figure.axes
     drawn = {
         line.get_label(): len(np.asarray(line.get_xdata())) for line in axes.lines if line.get_linestyle() == "None"

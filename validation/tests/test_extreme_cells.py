@@ -7,7 +7,7 @@ import pytest
 
 import flexlink as fl
 from flexlink.describe.spec import decode
-from reports.figures import extreme_runs
+from reports.figures.extremes import extreme_runs
 from reports.results import Results
 from validation import cell
 from validation.case import CASES, load_case
@@ -114,7 +114,7 @@ def test_the_figure_of_runs_lists_silent_errors_with_engine_and_command(tmp_path
     case = load_case(CASES / "extremes_beside.toml")
     results = stored(tmp_path, row(case.name, kind="extremes"))
     Store(results).add_series(case.name, extremes._series(case, found))
-    alone, pairs = extreme_runs.draw(Results.read(results))
+    alone, pairs = extreme_runs(Results.read(results))
     lines = [line.split(",") for line in alone.csv.splitlines()[1:]]
     assert [line[:5] for line in lines] == [
         ["flexlink", "young", "young 1.0", "2", "0"], ["flexlink", "young", "young 3.0", "2", "0"],

@@ -11,8 +11,7 @@ from validation.case import CASES, load_case
 from validation.formulations.beam_bricks import CORNERS, bricks
 from validation.formulations.exact_modes import in_a_frame, on_a_hub, scaled
 from validation.formulations.ladder import Formulation
-from validation.formulations.outcome import Outcome
-from validation.formulations.task import task_of
+from validation.formulations.task import Outcome, task_of
 from validation.kinds import floating_frames as kind
 from validation.oracles import hub_beam
 from validation.runner import kind_of

@@ -8,16 +8,15 @@ import pytest
 from msgspec.structs import replace
 
 from flexlink.common.errors import ArgumentError, FlexlinkError
-from reports.figures import trade_formulations as figure
-from reports.findings import trade_formulations as finding
+from reports.figures import trade as figure
+from reports.findings import trade as finding
 from reports.results import Results
 from tests.support.words import refused, reviewed
 from validation.case import CASES, load_case
-from validation.formulations import drake_chains, flexlink_links, ladder, mujoco_chains, pinocchio_chains
+from validation.formulations import exported_chains, flexlink_links, ladder
 from validation.formulations.ladder import FORMULATIONS, Formulation, Rung, cheapest, climb, most_accurate, smallest
-from validation.formulations.outcome import Outcome
 from validation.formulations.stored import galerkin_arm
-from validation.formulations.task import Described, task_of
+from validation.formulations.task import Described, Outcome, task_of
 from validation.kinds import formulations
 from validation.oracles import inextensible_rods
 from validation.reference_values import look_up
@@ -118,8 +117,8 @@ def test_advice_is_compared_with_the_front_of_all_others(monkeypatch: pytest.Mon
 def test_a_limit_of_one_scene_replaces_that_of_all() -> None:
     quantity = replace(FULL.quantity[f"{FRONT}, error 0.001"], given_up="why")
     case = replace(FULL, quantity={f"crane, {FRONT}, error 0.001": quantity})
-    assert formulations._has_separate_limit(case, "crane", f"{FRONT}, error 0.001")
-    assert not formulations._has_separate_limit(case, "ur5_soft", f"{FRONT}, error 0.001")
+    assert case.has_separate_limit("crane", f"{FRONT}, error 0.001")
+    assert not case.has_separate_limit("ur5_soft", f"{FRONT}, error 0.001")
 
 
 def test_a_ladder_ends_with_its_budget_and_a_program_that_gives_up_has_no_error(monkeypatch) -> None:
@@ -157,16 +156,16 @@ def test_strain_modes_and_chains_run_with_their_numbers_of_coordinates() -> None
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "module, solver, setting",
-    [(mujoco_chains, "implicitfast", {"step": 1e-4}), (pinocchio_chains, "Radau", {"tolerance": 1e-4})],
+    "element, setting",
+    [("mujoco implicitfast", {"step": 1e-4}), ("pinocchio Radau", {"tolerance": 1e-4})],
     ids=["mujoco", "pinocchio"],
 )
-def test_other_programs_compute_the_same_chain_as_flexlink(module, solver: str, setting: dict[str, float]) -> None:
+def test_other_programs_compute_the_same_chain_as_flexlink(element: str, setting: dict[str, float]) -> None:
     task = task_of(
         "crane", replace(FULL_TASKS["crane"], change={"run.duration": 0.2, "run.sample": 0.05}, reference="")
     )
     ours = flexlink_links.run(task, "gauss", {"hinges": 2, "tolerance": 1e-7})
-    theirs = module.run(task, solver, {"hinges": 2} | setting)
+    theirs = exported_chains.run(task, element, {"hinges": 2} | setting)
     assert theirs.tip == pytest.approx(ours.tip, abs=1e-4 * task.length)
     assert not np.allclose(theirs.tip, ours.tip[0], atol=1e-2), "the crane has moved"
     assert theirs.coordinates == ours.coordinates
@@ -177,11 +176,11 @@ def test_drake_computes_the_same_chain_as_flexlink_and_gives_up_in_time(monkeypa
     pytest.importorskip("pydrake")
     task = task_of("paper_arm", replace(FULL_TASKS["paper_arm"], change={"run.duration": 0.2, "run.sample": 0.05}))
     ours = flexlink_links.run(task, "gauss", {"hinges": 2, "tolerance": 1e-7})
-    theirs = drake_chains.run(task, "radau3", {"hinges": 2, "accuracy": 1e-5})
+    theirs = exported_chains.run(task, "drake radau3", {"hinges": 2, "accuracy": 1e-5})
     assert theirs.tip == pytest.approx(ours.tip, abs=1e-4 * task.length)
-    monkeypatch.setattr(drake_chains, "LONGEST", 0.0)
+    monkeypatch.setattr(exported_chains, "LONGEST", 0.0)
     with pytest.raises(FlexlinkError):
-        drake_chains.in_drake(flexlink_links.chain_scene(task, "gauss", {"hinges": 2}), "radau3", 1e-3)
+        exported_chains.in_drake(flexlink_links.chain_scene(task, "gauss", {"hinges": 2}), "radau3", 1e-3)
 
 
 def test_independent_solvers_refuse_drives_that_they_would_ignore() -> None:
@@ -226,7 +225,7 @@ def study(tmp_path: Path, ratio: float) -> Results:
 
 
 def test_the_table_has_every_formulation_with_its_cost_or_why_it_has_none(tmp_path: Path) -> None:
-    (made,) = finding.find(study(tmp_path, 30.0))
+    (made,) = finding.trade_formulations(study(tmp_path, 30.0))
     ours, theirs, absent = made.lines
     assert ours[:4] == ("torque_pulse", "chain, gauss", 1.5, 9)
     assert theirs[2:] == (finding.NOT_REACHED, None, 2e-3, "elements 2")
@@ -236,13 +235,13 @@ def test_the_table_has_every_formulation_with_its_cost_or_why_it_has_none(tmp_pa
 
 
 def test_a_loss_is_stated(tmp_path: Path) -> None:
-    (made,) = finding.find(study(tmp_path, 0.5))
+    (made,) = finding.trade_formulations(study(tmp_path, 0.5))
     reviewed("formulations: lost", made.sentences[0])
     assert "0.5 (torque_pulse)" in made.sentences[0]
 
 
 def test_the_picture_shows_time_and_coordinates_of_the_best_runs(tmp_path: Path) -> None:
-    (picture,) = figure.draw(study(tmp_path, 30.0))
+    (picture,) = figure.trade_formulations(study(tmp_path, 30.0))
     lines = [
         {line.get_label(): line.get_ydata().tolist() for line in axes.lines if line.get_linestyle() == "-"}
         for axes in picture.figure.axes

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 import flexlink as fl
 from validation.case import CASES, load_case
-from validation.kinds import fits_continuous_beam as kind
+from validation.kinds import planted_fits as kind
 from validation.oracles import hub_beam
 from validation.oracles.hub_beam import Beam, Drive
 
@@ -129,6 +129,6 @@ def test_a_chain_of_17_segments_agrees_in_all_sensors(beam: Beam, drive: Drive) 
 @pytest.mark.slow
 def test_two_fits_of_coarse_chains_contain_the_true_values_or_state_why_not() -> None:
     """More fits: python -m validation 'fits_continuous_beam*'."""
-    outcomes = list(kind.held(load_case(CASES / "fits_continuous_beam.toml").settings["seed"], 2))
+    outcomes = list(kind.held_beams(load_case(CASES / "fits_continuous_beam.toml").settings["seed"], 2))
     assert [(path, off) for one in outcomes if one.passed for path, off in one.off.items() if abs(off) > 1] == []
     assert all(one.passed or one.words for one in outcomes)

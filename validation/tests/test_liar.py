@@ -114,7 +114,7 @@ def test_an_engine_that_refuses_an_arm_fails_the_study(case: str, monkeypatch: p
             raise EngineError("refused")
         return honest(name, chain)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("validation.kinds.random_arms.load", load)
+    monkeypatch.setattr("validation.kinds.engines.load", load)
     failed = {row.quantity for row in cut.rows_of() if row.passed is False}
     assert failed == {"arms refused"}
 

@@ -14,8 +14,8 @@ from reports.measurements import Group, groups_of
 from reports.measurements import table as table_of
 from tests.support.words import refused
 from validation.case import Measured, load_cases, scene_file
+from validation.kinds import KINDS
 from validation.kinds import measured as kind
-from validation.kinds import measurements
 from validation.measured import rotating_beam, strip_decays, strip_on_flange, two_link, wing_spar
 from validation.measured.measurements import MEASUREMENTS
 from validation.measured.one_number import Candidate, Study, chosen, fit_one_number
@@ -138,7 +138,7 @@ def results(name: str, **changes):
     case = CASES[name]
     settings = msgspec.structs.replace(kind_of(case)[1], **changes)
     found, tables = {}, []
-    for each in measurements(kind, case, settings):
+    for each in KINDS[case.kind].measurements(case, settings):
         if isinstance(each, Measured):
             found[each.quantity, each.varied.get("situation")] = each
         else:
@@ -162,7 +162,7 @@ def test_a_missing_measurement_is_named():
     case = CASES["measured_wing_spar"]
     settings = kind_of(case)[1]
     with refused(ArgumentError, "unknown-name"):
-        list(kind.run(case, msgspec.structs.replace(settings, measurement="wing")))
+        list(kind.measured(case, msgspec.structs.replace(settings, measurement="wing")))
 
 
 @pytest.mark.slow
@@ -484,7 +484,7 @@ def test_a_small_part_of_u_val_may_disagree() -> None:
 def rows(name: str, **changes: object) -> list[Measured]:
     (case,) = load_cases(name)
     settings = msgspec.structs.replace(kind_of(case)[1], **changes)
-    return [each for each in measurements(kind, case, settings) if isinstance(each, Measured)]
+    return [each for each in KINDS[case.kind].measurements(case, settings) if isinstance(each, Measured)]
 
 
 def test_a_wrong_tolerance_of_the_readings_fails_the_second_way(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,7 +2,6 @@
 
 import csv
 import gzip
-import itertools
 import re
 from collections import defaultdict
 from functools import cache
@@ -12,13 +11,12 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from reports import findings
-from reports.drawing import modules, pictures
+from reports.drawing import pictures
+from reports.findings import finding
 from reports.results import Results
 from reports.same import allowed
 from tests.conftest import ROOT
 from validation.case import ALL, load_cases
-from validation.kinds import measurements
 from validation.measuring import judged, kind_of
 from validation.store import Series, Store
 from validation.tests import studies
@@ -69,7 +67,7 @@ def test_a_case_is_within_its_limits_and_agrees_with_the_full_study(name: str, t
     case = replace(CASES[name], settings=CASES[name].settings | PARTS[name])
     kind, settings = kind_of(case)
     found, rows, series = defaultdict(list), [], []
-    for each in measurements(kind, case, settings):
+    for each in kind.measurements(case, settings):
         if isinstance(each, Series):
             series.append(each)
         elif each.quantity in case.quantity:
@@ -94,7 +92,7 @@ def check_what_is_made_of(folder: Path, name: str, series: list[Series]) -> None
         assert " " in picture.title + " ." * (picture.name == "overview")
         assert picture.caption.endswith(".")
         assert len({len(line) for line in csv.reader(picture.csv.splitlines())}) == 1
-    for table in itertools.chain.from_iterable(finder.find(results) for finder in modules(findings)):
+    for _, table in finding.made(results):
         assert re.fullmatch(r"[\w.\-]+", table.name), table.name
         assert all(isinstance(one, str) for one in (table.title, *table.heads, *table.sentences))
         assert {len(line) for line in table.lines} <= {len(table.heads)}, table.name

@@ -12,7 +12,7 @@ from flexlink.dynamics.vibration.stability_function import stability_function
 from reports.findings import oracles
 from tests.conftest import chain_of
 from tests.support.words import refused
-from validation.kinds.energy_drift import modal_loss, released_modes
+from validation.kinds.drifts import modal_loss, released_modes
 from validation.oracles import exact_runge_kutta, rigid_motions, transfer_beam
 from validation.oracles.common_origin import of_state
 from validation.oracles.planar_chain import DIGITS, PlanarChain

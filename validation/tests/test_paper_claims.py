@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from flexlink.describe.spec import decode
-from reports.findings import paper_claims
+from reports.findings.paper import paper_claims
 from reports.results import Results
 from tests.support.words import reviewed
 from validation.case import ALL, CLAIM, Measured, load_cases
-from validation.kinds import KINDS, SETTINGS, measurements, paper_mass, paper_methods, paper_rounding, paper_segments
-from validation.kinds.paper_types import _verdict
+from validation.kinds import KINDS, paper_costs, paper_methods
+from validation.kinds.paper_equations import _types_verdict as _verdict
 from validation.measuring import judged
 from validation.speed.races import Race
 from validation.tests.studies import row, stored, words_from
@@ -20,9 +20,9 @@ from validation.tests.studies import row, stored, words_from
 def measured(name, **changes):
     """Rows of a case by quantity, with other settings."""
     (case,) = load_cases(name)
-    settings = decode(case.settings | changes, SETTINGS[case.kind])
+    settings = decode(case.settings | changes, KINDS[case.kind].settings)
     found = {}
-    for each in measurements(KINDS[case.kind], case, settings):
+    for each in KINDS[case.kind].measurements(case, settings):
         found.setdefault(getattr(each, "quantity", "series"), []).append(each)
     return found
 
@@ -37,18 +37,18 @@ def test_a_type_with_too_small_an_accuracy_gain_is_named():
 
 
 def test_rounding_equals_the_step_error_where_both_lines_cross():
-    errors = [paper_rounding.Errors(h, h**4, 1e-16) for h in (1e-2, 1e-3)]
-    assert paper_rounding._meeting(errors, 4) == pytest.approx(1e-4)
+    errors = [paper_methods.Errors(h, h**4, 1e-16) for h in (1e-2, 1e-3)]
+    assert paper_methods._meeting(errors, 4) == pytest.approx(1e-4)
 
 
 def times(**by_method):
-    names = dict(zip(("one", "two", "three", "later"), paper_mass.METHODS, strict=True))
+    names = dict(zip(("one", "two", "three", "later"), paper_costs.METHODS, strict=True))
     return Race("T1", "M", 40, {names[name]: value for name, value in by_method.items()})
 
 
 def test_a_mass_matrix_method_slower_than_the_previous_one_is_named():
     good, slow = times(one=9.0, two=6.0, three=3.0, later=1.0), times(one=9.0, two=12.0, three=3.0, later=1.0)
-    held, broken = paper_mass._verdict([good], good), paper_mass._verdict([slow], good)
+    held, broken = paper_costs._mass_verdict([good], good), paper_costs._mass_verdict([slow], good)
     assert held.startswith("holds;") and not broken.startswith("holds")
     assert all(part in held for part in ("n = 40", " 3 times", "method 3"))
     assert all(part in broken for part in ("method 2", "n = 40", "T1"))
@@ -57,8 +57,8 @@ def test_a_mass_matrix_method_slower_than_the_previous_one_is_named():
 
 
 def test_the_exponent_of_a_power_law_is_found():
-    found = [Race("T1", "M", n, dict.fromkeys(paper_mass.METHODS, 3.0 * n**2)) for n in (4, 10, 20)]
-    assert [row.value for row in paper_mass._exponents(found)] == [pytest.approx(2.0)] * len(paper_mass.METHODS)
+    found = [Race("T1", "M", n, dict.fromkeys(paper_costs.METHODS, 3.0 * n**2)) for n in (4, 10, 20)]
+    assert [row.value for row in paper_costs._exponents(found)] == [pytest.approx(2.0)] * len(paper_costs.METHODS)
 
 
 def need(error, situation="bare", **evaluations):
@@ -110,8 +110,8 @@ def test_all_three_methods_are_compared_with_a_more_precise_reference():
 
 
 def test_segments_that_make_the_error_larger_are_named():
-    prices = [paper_segments.Price("arm", *each) for each in ((2, 4.0, 1.0), (3, 5.0, 2.0), (4, 1.0, 8.0))]
-    verdict = paper_segments._verdict(prices, {"arm": paper_segments._gain(prices)})
+    prices = [paper_costs.Price("arm", *each) for each in ((2, 4.0, 1.0), (3, 5.0, 2.0), (4, 1.0, 8.0))]
+    verdict = paper_costs._segments_verdict(prices, {"arm": paper_costs._gain(prices)})
     assert verdict.startswith("holds ") and "error ÷ 4" in verdict and "cost × 8" in verdict
     reviewed("paper claims: segments", verdict)
 
@@ -152,7 +152,7 @@ def results(tmp_path):
 
 
 def test_every_claim_has_a_line_with_number_and_verdict(results):
-    (found,) = paper_claims.find(Results.read(results))
+    (found,) = paper_claims(Results.read(results))
     assert found.lines[1][0].split() == ["confirmed", "within", "limits"]
     assert found.lines[1][1:] == ("“claim 1”", "for T1", "1: max |Δ|")
     assert found.classes == ("pass", "doubt", "fail")
@@ -166,7 +166,7 @@ def test_a_claim_of_two_cases_has_the_verdict_of_the_case_with_more_arms(tmp_pat
             note=f"holds on {arms}", tolerance=None)
         for arms in (18, 81)
     ]  # fmt: skip
-    (found,) = paper_claims.find(Results.read(stored(tmp_path / "results", *rows)))
+    (found,) = paper_claims(Results.read(stored(tmp_path / "results", *rows)))
     assert [(line[1], line[2]) for line in found.lines] == [("“RK4 suffices”", "on 81")]
 
 

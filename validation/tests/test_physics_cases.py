@@ -11,7 +11,7 @@ from flexlink.common.errors import DataFileError, SceneError
 from flexlink.describe.spec import decode
 from flexlink.kernels.inputs.drive_torque import drive_torque
 from flexlink.motion.inputs.drives import drive_arrays
-from reports.findings import physics_choice, physics_price
+from reports.findings.physics import physics_choice, physics_price
 from reports.results import Results
 from tests.conftest import ROOT
 from tests.support.words import refused, reviewed
@@ -117,7 +117,7 @@ def test_an_unknown_input_or_load_is_refused(name, key):
     case = CASES[name]
     kind = KINDS[case.kind]
     with refused(fl.errors.ArgumentError, "unknown-name"):
-        list(kind.run(case, decode(case.settings | {key: "none such"}, kind.Settings)))
+        list(kind.run(case, decode(case.settings | {key: "none such"}, kind.settings)))
 
 
 @pytest.mark.parametrize("keys", [("no_such_file",), ("critical_loads", "no such key")])
@@ -159,7 +159,7 @@ def test_the_choice_of_rules_is_computed_from_the_rows(tmp_path):
         row("stable step of RK4", 3e-3, rule="gauss", hinges=10),
         row("stable step of RK4", 5e-4, rule="legendre", hinges=10),
     )
-    (finding,) = physics_choice.find(Results(stored, Environment(), Store(tmp_path)))
+    (finding,) = physics_choice(Results(stored, Environment(), Store(tmp_path)))
     numbers = {text: re.findall(r"(?<![\w.])\d+", text) for text in finding.sentences}
     (gauss,) = (text for text in numbers if "gauss" in text and "legendre" not in text)
     assert numbers[gauss] == ["2", "2", "6"]
@@ -178,7 +178,7 @@ def test_stable_steps_of_other_cases_are_not_used_as_costs_of_rules(tmp_path):
         row("stable step of RK4", 5e-4, rule="legendre", hinges=10),
         row("stable step", 1.5, method="RK10"),
     )
-    (finding,) = physics_price.find(Results(stored, Environment(), Store(tmp_path)))
+    (finding,) = physics_price(Results(stored, Environment(), Store(tmp_path)))
     assert [line[0] for line in finding.lines] == ["gauss", "legendre"]
     (text,) = finding.sentences
     assert re.findall(r"\d+", text.partition("legendre")[2]) == ["6"]

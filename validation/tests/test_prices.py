@@ -9,8 +9,8 @@ import pytest
 from msgspec.structs import replace
 
 from flexlink.describe.spec import decode
-from reports.figures import trade_fronts, trade_models
-from reports.findings import trade_prices
+from reports.figures.trade import trade_fronts, trade_models
+from reports.findings.trade import trade_prices
 from reports.prices import BEYOND, OURS, Price, Run, front, prices, works
 from reports.results import Results
 from tests.support.words import reviewed
@@ -82,7 +82,7 @@ def test_the_cost_is_the_cheapest_run_of_flexlink_and_the_study_estimate_for_oth
 
 
 def test_the_list_has_wins_losses_and_errors_that_flexlink_does_not_reach(tmp_path: Path) -> None:
-    (finding,) = trade_prices.find(study(tmp_path))
+    (finding,) = trade_prices(study(tmp_path))
     parts = {"wins": ("1 of 2",), "losses": ("arm", "10⁻⁴", "0.67 ×"), "out of reach": ("arm", "10⁻⁶")}
     for what, each in parts.items():
         (text,) = (text for text in finding.sentences if all(part in text for part in each))
@@ -95,7 +95,7 @@ def test_the_list_has_wins_losses_and_errors_that_flexlink_does_not_reach(tmp_pa
 
 
 def test_every_scene_has_two_fronts_and_all_runs_in_the_csv(tmp_path: Path) -> None:
-    (picture,) = trade_fronts.draw(study(tmp_path))
+    (picture,) = trade_fronts(study(tmp_path))
     assert picture.title == TITLE
     tip, bend = picture.figure.axes
     assert (tip.get_xlabel(), bend.get_xlabel()) == (f"{TIP} [1]", f"{DEFLECTION} [1]")
@@ -119,7 +119,7 @@ GRID = {
 def found():
     """Rows and series of the case for a run of 0.1 s."""
     grid, case = decode(GRID, speed_models.Grid), replace(CASE, scenes=("paper_fig5",))
-    *rows, series = speed_models.run(case, scene={"paper_fig5": grid}, errors=(1e-1, 1e-5), budget=5.0)
+    *rows, series = speed_models.speed_models(case, scene={"paper_fig5": grid}, errors=(1e-1, 1e-5), budget=5.0)
     return rows, series
 
 
@@ -163,7 +163,7 @@ def test_the_pareto_front_names_type_hinges_and_rule_and_the_csv_has_every_run(t
     results = stored(tmp_path, row("models", kind="speed_models"))
     series = Series("models", "arm: which", table(speed_models.COLUMNS, MODEL_RUNS), "error", "error", "t", scene="arm")
     Store(results).add_series("models", series)
-    (picture,) = trade_models.draw(Results.read(results))
+    (picture,) = trade_models(Results.read(results))
     (axes,) = picture.figure.axes
     assert [text.get_text() for text in axes.texts] == ["T3, 4 gauss", "T1, 2 gauss", "rigid"]
     assert [line.get_label() for line in axes.lines if line.get_linestyle() == "None"] == ["rigid", "T1", "T3"]

@@ -10,9 +10,9 @@ from msgspec.structs import replace
 
 from flexlink.common.errors import FlexlinkError
 from reports import full, same
-from reports.allowed_differences import exceptions
 from reports.build import build
 from reports.results import Results
+from reports.same import exceptions
 from reports.stored_full import FOLDER, FullStudy
 from tests.support.words import line, refused, reviewed
 from validation import __main__ as command

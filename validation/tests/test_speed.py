@@ -13,8 +13,8 @@ import pytest
 import flexlink as fl
 from flexlink.common.errors import FlexlinkError
 from flexlink.dynamics.rounding import acceleration_error
-from reports.figures import speed_cost
-from reports.findings import speed_times
+from reports.figures.speed import speed_cost
+from reports.findings.errors import speed_times
 from reports.results import Results
 from tests.support.words import refused
 from validation.case import CASES, Case, load_case
@@ -138,9 +138,9 @@ def test_the_report_plots_cost_against_n_and_lists_the_times(tmp_path: Path) -> 
     store.note_plan({"speed_calls": Planned("key", case.kind, case.title)})
     store.finish("speed_calls", Finished("key", datetime.datetime.now(datetime.UTC), "", None))
     results = Results.read(tmp_path)
-    [picture] = speed_cost.draw(results)
+    [picture] = speed_cost(results)
     assert [axes.get_title(loc="left") for axes in picture.figure.axes] == ["T1: flexlink ∝ $n^{1}$"]
-    [finding] = speed_times.find(results)
+    [finding] = speed_times(results)
     assert finding.heads == ("chain", "n", "native [µs]", "mujoco [µs]")
     assert finding.lines[0] == ("T1", 10.0, pytest.approx(0.1), pytest.approx(1.0))
     assert finding.lines[1][-1] is None
@@ -161,7 +161,7 @@ ready = lambda: {(name, f.py_func.__qualname__, s) for name, module in list(sys.
                  for f in vars(module).values() if isinstance(f, numba.core.dispatcher.Dispatcher) for s in f.overloads}
 before = ready()
 longer = {n: replace(f, segments=f.segments[1:2]) for n, f in settings.chain.items()}
-longer = replace(kind.rehearsal(settings), turns=2, chain=longer)
+longer = replace(kind.rehearsed(settings), turns=2, chain=longer)
 for _ in kind.run(case, longer):
     pass
 print(len(before), sorted(ready() - before))

@@ -11,7 +11,7 @@ from flexlink.results.tip_motion import tip_travel
 from tests.support.words import reviewed
 from validation.kinds import speed_trade
 from validation.reference_values import reference_array
-from validation.trade import native_ladder, witness_ladder
+from validation.trade import contestants, with_flexlink
 from validation.trade import references as trade_references
 from validation.trade import scenes as trade
 from validation.trade.work_precision import Point, cost, ladder
@@ -65,10 +65,10 @@ def test_a_missing_engine_is_omitted_and_the_others_run_their_scenes(monkeypatch
             raise fl.errors.MissingDependencyError("Drake cannot be imported")
         return {"RK44": [Point(1e-3, 1e-5, 1.0)]}
 
-    monkeypatch.setattr(witness_ladder, "points", points)
-    monkeypatch.setattr(speed_trade.native_ladder, "by_step", lambda *_: [])
+    monkeypatch.setattr(contestants, "witnessed", points)
+    monkeypatch.setattr(speed_trade.with_flexlink, "by_step", lambda *_: [])
     settings = {"errors": [1e-4], "methods": [], "budget": 1.0, "witnesses": ["drake", "exudyn"]}
-    chosen = decode(settings | {"scenes": ["p2p5"], "witness_scenes": ["p2p5"]}, speed_trade.Settings)
+    chosen = decode(settings | {"scenes": ["p2p5"], "witness_scenes": ["p2p5"]}, speed_trade.SpeedTradeSettings)
     assert speed_trade._others("p2p5", chosen)["Exudyn"] == points("exudyn")
     assert "Drake" not in speed_trade._others("p2p5", chosen)
     assert "Exudyn" not in speed_trade._others("p2p", chosen)
@@ -87,22 +87,22 @@ def test_step_refinement_ends_at_small_errors_or_before_the_time_budget():
 
 def tolerances(monkeypatch, point):
     """Tolerances of a refinement whose runs give these points, relative to the first tolerance."""
-    monkeypatch.setattr(native_ladder, "_point", lambda _name, _scene, setting, *_: point(setting))
-    found = [each.setting for each in native_ladder.by_tolerance("kick11", "Radau5", 1.0, 1e-8)]
+    monkeypatch.setattr(with_flexlink, "attempt", lambda _name, _contestant, _method, setting: point(setting))
+    found = [each.setting for each in with_flexlink.by_tolerance("kick11", "Radau5", 1.0, 1e-8)]
     return [each / found[0] for each in found]
 
 
 def test_tolerance_refinement_ends_at_small_errors_or_at_the_budget(monkeypatch):
-    first = native_ladder.COARSEST * tip_travel(trade.reference("kick11").tip)
+    first = with_flexlink.COARSEST * tip_travel(trade.reference("kick11").tip)
     both = tolerances(monkeypatch, lambda tol: Point(tol, 1e-9, 0.1, 3e-8 * tol / first, int(1e6 / tol)))
     assert both == pytest.approx([1.0, 10**-0.25, 10**-0.5])
     assert tolerances(monkeypatch, lambda tol: Point(tol, 1e-3, 1.0, 1e-3, 1)) == [1.0]
 
     def dear(setting):
-        raise native_ladder.TooDearError("too dear")
+        raise contestants.TooDearError("too dear")
 
-    monkeypatch.setattr(native_ladder, "_point", lambda *_: dear(0.0))
-    assert native_ladder.by_tolerance("kick11", "Radau5", 1.0, 1e-8) == []
+    monkeypatch.setattr(with_flexlink, "attempt", lambda *_: dear(0.0))
+    assert with_flexlink.by_tolerance("kick11", "Radau5", 1.0, 1e-8) == []
 
 
 def test_tolerances_are_skipped_by_decades_if_stability_limits_the_steps(monkeypatch):

@@ -20,7 +20,7 @@ from validation import dependencies, runner, sources
 from validation.__main__ import main
 from validation.case import Measured, load_case, load_cases
 from validation.facts import column_head, in_words
-from validation.kinds import KINDS, SETTINGS
+from validation.kinds import KINDS
 from validation.measuring import judged
 from validation.speed import machine
 from validation.store import STOPPED, Conditions, Environment, Finished, Planned, Row, Series, Store
@@ -61,7 +61,7 @@ def study(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("case", load_cases(*cases.ALL), ids=lambda case: case.name)
 def test_every_case_is_valid_and_every_limit_has_a_reason(case):
-    decode(case.settings, SETTINGS[case.kind], "settings")
+    decode(case.settings, KINDS[case.kind].settings, "settings")
     assert all(path.is_file() for path in case.scene_files)
     assert all(q.metric and (q.tolerance is None or len(q.reason) > 10) for q in case.quantity.values())
     assert any(q.tolerance is not None for q in case.quantity.values())
@@ -692,11 +692,10 @@ def test_without_a_load_count_only_the_loop_decides(monkeypatch):
     assert machine.LoadMonitor().conditions().load is None
 
 
-def test_every_file_in_kinds_defines_a_kind():
+def test_every_file_in_kinds_defines_a_kind_and_is_found_by_its_name():
     files = {path.stem for path in (ROOT / "validation" / "kinds").glob("*.py")} - {"__init__"}
-    assert set(KINDS) == files
-    assert all(hasattr(kind, "run") for kind in KINDS.values())
-    assert set(SETTINGS) == files
+    assert {kind.run.__module__.rpartition(".")[2] for kind in KINDS.values()} == files
+    assert {name for name, kind in KINDS.items() if cases.module_of(name) != kind.run.__module__} == set()
 
 
 def test_a_study_without_a_checkout_is_refused(study, capsys, monkeypatch, tmp_path):

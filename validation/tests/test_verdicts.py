@@ -16,11 +16,12 @@ from docs.generators.study import failing
 from flexlink.common.errors import FlexlinkError
 from reports.build import build
 from reports.chapters import contents, sections
-from reports.findings import physics_published
+from reports.findings.physics import physics_published
 from reports.reference import Reference, read, save
 from reports.results import Results
 from reports.speed_limits import reason_of, reasons, speed_table
 from tests.support.words import refused, reviewed
+from validation.kinds import KINDS
 from validation.store import Conditions, Finished, Store
 from validation.tests.studies import (
     BUSY,
@@ -92,10 +93,9 @@ def test_both_navigations_list_all_chapters(tmp_path: Path) -> None:
 
 
 def test_the_contents_name_existing_kinds() -> None:
-    files = {path.stem for path in (ROOT / "validation" / "kinds").glob("*.py")}
-    assert {kind for section in sections() for kind in section.kinds} - {"*"} <= files
+    assert {kind for section in sections() for kind in section.kinds} - {"*"} <= set(KINDS)
     wanted = [w for section in sections() for w in section.headline] + [w for n in contents().number for w in n.value]
-    assert {want.kind for want in wanted} <= files
+    assert {want.kind for want in wanted} <= set(KINDS)
 
 
 # two verdicts
@@ -232,7 +232,7 @@ def test_differences_from_published_values_are_relative() -> None:
     columns = {"what": np.array(list("abcdef")), "published": theirs, "ours": ours}
     series = SimpleNamespace(columns=columns)
     results = SimpleNamespace(showing=lambda name: [("beam", series)], cases={"beam": [SimpleNamespace(title="Beam")]})
-    (table,) = physics_published.find(cast("Any", results))
+    (table,) = physics_published(cast("Any", results))
     shown = [str(line[3]).replace("−", "-") for line in table.lines]
     numbers = [float(text.removeprefix("at most ").split()[0].rstrip("%")) for text in shown]
     assert numbers == pytest.approx([0.1, -0.2, 0.0, 0.4, 5.0], abs=0.051)

@@ -10,7 +10,7 @@ from flexlink.errors import ArgumentError, MissingDependencyError
 from tests.conftest import ROOT
 from tests.support.words import refused, reviewed
 from validation.case import CASES, Measured, load_case
-from validation.kinds import SETTINGS, exact_beams, measurements, witnesses
+from validation.kinds import KINDS, motions, witnesses
 from validation.physics import beam_references
 from validation.physics.beam_references import beam_reference, beam_scene, plane_of
 
@@ -59,8 +59,9 @@ def test_an_arm_that_bends_in_space_is_not_a_plane_of_beams() -> None:
 
 def test_a_chain_farther_from_the_beams_than_both_errors_is_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
     def ratio(offset: float) -> float:
-        monkeypatch.setattr(exact_beams, "_tip", lambda scene, *_: beam_reference(scene.name)[0] + offset)
-        rows = measurements(exact_beams, BEAMS, decode(BEAMS.settings, SETTINGS["exact_beams"]))
+        monkeypatch.setattr(motions, "_tip", lambda scene, *_: beam_reference(scene.name)[0] + offset)
+        beams = KINDS["exact_beams"]
+        rows = beams.measurements(BEAMS, decode(BEAMS.settings, beams.settings))
         return max(row.value for row in rows if isinstance(row, Measured) and row.quantity == "tip apart / allowed")
 
     assert ratio(0.0) == 0

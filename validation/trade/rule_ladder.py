@@ -7,12 +7,12 @@ the error of the steps.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from flexlink.chain.lumping import lump
-from flexlink.common.errors import ArgumentError
+from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import lumping_rule
@@ -21,8 +21,9 @@ from flexlink.motion.evaluation_cost import run_cost
 from flexlink.motion.simulate import simulate
 from flexlink.results.tip_motion import largest_distance
 from validation.physics.variant import Rule
-from validation.trade import native_ladder
-from validation.trade.native_ladder import TooDearError
+from validation.trade.contestants import TooDearError
+from validation.trade.scenes import seen
+from validation.trade.with_flexlink import Flexlink
 from validation.trade.work_precision import Point
 
 
@@ -95,23 +96,24 @@ def ladder(
             at = Rule(rule=name, hinges=hinges)
             chained = cut(scene, at)
             if not warm:  # compile the kernels first
-                warm = bool(native_ladder.fastest(chained.varied({"run.method": method, "run.tolerance": 1e-3})))
+                with contextlib.suppress(FlexlinkError):
+                    warm = bool(Flexlink(chained).run(method, 1e-3))
             yield from _of_chain(chained, at, method, tolerances, true, longest)
 
 
 def _of_chain(
     scene: Scene, at: Rule, method: str, tolerances: Sequence[float], true: Array, longest: float
 ) -> Iterator[Tried]:
-    chain, errors = lump(scene), list[float]()
+    ours, errors = Flexlink(scene, longest), list[float]()
     for tolerance in sorted(tolerances, reverse=True):
         try:
-            run = native_ladder.fastest(scene.varied({"run.method": method, "run.tolerance": tolerance}), longest)
+            run = ours.run(method, tolerance)
         except TooDearError:
             return
-        if run is None:
+        except FlexlinkError:
             continue
-        error = largest_distance(run.seen.tip, true)
-        listed = run_cost(chain, method, run.evaluations)
+        error = largest_distance(seen(ours.chain, run.q).tip, true)
+        listed = run_cost(ours.chain, method, run.evaluations)
         yield Tried(at, method, Point(tolerance, error, run.seconds, evaluations=run.evaluations), listed)
         errors.append(error)
         if len(errors) > 2 and max(errors[-3:]) < 1.1 * min(errors[-3:]):

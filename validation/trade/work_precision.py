@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-import functools
 import itertools
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from flexlink.describe.scene import Scene
-from validation.runs import stable_steps
+from flexlink.common.types import Array
+
+
+class Run(NamedTuple):
+    """Angles at the samples (samples, n) [rad], nan after a failure; CPU seconds; evaluations of the dynamics."""
+
+    q: Array
+    seconds: float
+    evaluations: int = 0
 
 
 class Point(NamedTuple):
@@ -75,31 +81,6 @@ def ladder(run: Callable[[int], Point], first: int, budget: float, smallest: flo
 
 
 MOST_STEPS = 1 << 20  # largest number of steps between two outputs
-
-
-def ladders(
-    scene: Scene,
-    integrators: Iterable[str],
-    run: Callable[[str, int], Point],
-    seconds_a_step: Callable[[str, int], float],
-    budget: float,
-    smallest: float,
-) -> dict[str, list[Point]]:
-    """Run an engine's integrators with finer and finer fixed steps; if RK4 exceeds the budget, only estimate its time.
-
-    `run` and `seconds_a_step` take an integrator and its number of steps between outputs; other parameters as in
-    `ladder`.
-    """
-    found = {}
-    for integrator in integrators:
-        explicit = integrator.startswith("RK4")
-        first = stable_steps(scene, "RK4") if explicit else 1
-        whole = seconds_a_step(integrator, first) * first * (scene.run.samples - 1) if explicit else 0.0
-        if whole > budget:
-            found[integrator] = [Point(scene.run.spacing / first, math.nan, whole)]
-        else:
-            found[integrator] = ladder(functools.partial(run, integrator), first, budget, smallest)
-    return found
 
 
 def cost(points: Sequence[Point], target: float, order: float) -> Cost | None:

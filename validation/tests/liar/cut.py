@@ -100,7 +100,7 @@ JUDGES = (
     "validation.oracles.thick_beam.frequencies",
     "validation.formulations.exact_modes.hub_tip",
     "validation.oracles.floating_frame.tip",
-    "validation.kinds.judge_trees._exact",
+    "validation.kinds.fifty_digits._exact",
     "validation.measured.two_link.linear_model",
 )
 """Functions that compute references, and are never wrong."""

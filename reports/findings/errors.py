@@ -1,0 +1,161 @@
+"""Parts of errors, stable steps, measurements, and CPU times."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from statistics import median
+
+from flexlink.common.wording import plural
+from flexlink.pages.numbers import number
+from flexlink.pages.tables import Table
+from reports.curves import curves, panels_of
+from reports.findings import finding
+from reports.measurements import WHAT
+from reports.results import Results
+from reports.wording import displayed
+from validation.store import Row, Series
+
+PARTS = {"model": "link type", "space": "number of hinges and rule", "time": "method and step", "rounding": "rounding"}
+MM = 1e3  # millimetres per metre
+LITTLE = 0.01  # fraction of the error below which a part is not worth reducing
+
+
+@finding("errors")
+def errors_split(results: Results) -> Iterator[Table]:
+    """Parts of the error of each run, and which part is worth reducing: one table over all scenes.
+
+    One table, if the study has split any error into parts.
+    """
+    runs = [run for _, series in results.showing("errors") for run in _runs(series)]
+    if runs:
+        lines = tuple(_line(name, errors) for name, errors in runs)
+        heads = ("run", *(f"{part} [mm]" for part in PARTS), "error [mm]", "largest part")
+        sentences = tuple(_sentences([errors for _, errors in runs]))
+        yield Table("errors_split.where", "Where the error of a run comes from", heads, lines, sentences)
+
+
+def _runs(series: Series) -> Iterator[tuple[str, Mapping[str, float]]]:
+    for k, run in enumerate(series.columns["run"].tolist()):
+        yield f"{series.scene}: {run}", {name: float(series.columns[name][k]) for name in (*PARTS, "total")}
+
+
+def _line(name: str, errors: Mapping[str, float]) -> tuple[str | None, ...]:
+    shown = (number(MM * errors[part], 2) if errors[part] else None for part in (*PARTS, "total"))
+    return name, *shown, _most(errors)
+
+
+def _most(errors: Mapping[str, float]) -> str:
+    return max(PARTS, key=lambda part: errors[part])
+
+
+def _sentences(runs: Sequence[Mapping[str, float]]) -> Iterator[str]:
+    first = Counter(map(_most, runs)).most_common()
+    yield (
+        f"Largest part of the error in {plural(len(runs), 'run')}: "
+        + "; ".join(f"{PARTS[part]} in {count}" for part, count in first)
+        + "."
+    )
+    idle = sum(errors["time"] < LITTLE * errors["total"] for errors in runs)
+    yield f"In {idle} of them, smaller steps would reduce the error by less than {100 * LITTLE:.0f} %."
+    worst = max(errors["rounding"] / errors["total"] for errors in runs)
+    yield f"Rounding is at most {number(worst, 2)} of the error of a run."
+
+
+KIND, QUANTITY = "stable_steps", "observed / predicted − 1"
+CLOSE = 1e-3  # relative difference up to which two steps are equal in practice
+
+
+@finding("extremes", "stable steps")
+def stable_steps(results: Results) -> Iterator[Table]:
+    """Largest stable steps: difference between observation and prediction, per method.
+
+    One table per case.
+    """
+    for case, rows in results.of_kind(KIND):
+        found: dict[str, list[Row]] = {}
+        for row in rows:
+            if row.quantity == QUANTITY and row.value is not None:
+                found.setdefault(str(row.varied["method"]), []).append(row)
+        if found:
+            heads = ("method", "scenes", "median difference [1]", "largest difference [1]", "scene of the largest")
+            lines = tuple(_steps_line(method, of) for method, of in found.items())
+            title = "Largest stable step: runs compared with the prediction from the modes"
+            sentence = _steps_sentence([row for of in found.values() for row in of])
+            yield Table(f"{case}.methods", title, heads, lines, (sentence,))
+
+
+def _steps_line(method: str, rows: list[Row]) -> tuple[str, int, float, float, str]:
+    worst = max(rows, key=_off)
+    return method, len(rows), median(map(_off, rows)), _off(worst), worst.scene
+
+
+def _off(row: Row) -> float:
+    return row.value or 0.0
+
+
+def _steps_sentence(rows: list[Row]) -> str:
+    worst, close = max(rows, key=_off), sum(_off(row) <= CLOSE for row in rows)
+    return (
+        f"{close} of {plural(len(rows), 'largest stable step')}, found by bisection, are within {number(CLOSE)} of "
+        f"the prediction; the largest difference is {number(_off(worst))} ({worst.where})."
+    )
+
+
+HELD_OUT, ONE_NUMBER = "held out", "one number"
+COLUMNS = ("quantity", "unit", "S", "D", "E", "u_num", "GCI", "order", "u_input", "u_D", "u_val", "verdict")
+HEADS = {"GCI": "grid convergence index", "order": "observed order", "S": "S, simulated", "D": "D, measured"}
+ONE = (
+    "One number of the specimen is fitted to some of the quantities (misfit: root mean square of (S − D) / u_D), and "
+    "the others are compared again. Start: value in the scene, or of the search. u and tolerance: of the number."
+)
+FIT = (
+    "Fit: 100 (1 − |measured − model| / |measured|). 100 is a perfect model, 0 is no better than a zero signal. "
+    "psf and fsf are the two recordings."
+)
+
+
+@finding("measured", HELD_OUT, ONE_NUMBER)
+def measured(results: Results) -> Iterator[Table]:
+    """Measured quantities: error, validation uncertainty with its parts, and verdict; fits to held-out recordings.
+
+    For each case, a table of fits to held-out recordings; then for each case, a table of quantities.
+    """
+    for case, series in results.showing(HELD_OUT):
+        fits = tuple(zip(*(column.tolist() for column in series.columns.values()), strict=True))
+        title = f"{results.cases[case][0].title}: fit [%]"
+        yield Table(f"{case}.held_out", title, tuple(series.columns), fits, (FIT,), opened=True)
+    for case, series in results.showing(ONE_NUMBER):
+        found = tuple(zip(*(column.tolist() for column in series.columns.values()), strict=True))
+        title = f"{results.cases[case][0].title}: one number fitted"
+        yield Table(f"{case}.one_number", title, tuple(series.columns), found, (ONE,), opened=True)
+    heads = tuple(HEADS.get(name, name) for name in COLUMNS)
+    for case, series in results.showing(WHAT):
+        columns = [series.columns[name].tolist() for name in COLUMNS[:-1]]
+        lines = tuple(zip(*columns, map(displayed, series.columns[COLUMNS[-1]].tolist()), strict=True))
+        title = results.cases[case][0].title
+        yield Table(f"{case}.quantities", f"{title}: all quantities", heads, lines, (), to_look_up=True)
+
+
+ORDER = ("native", "public", "pinocchio", "pinocchio, fastest", "mujoco")
+
+
+@finding("speed")
+def speed_times(results: Results) -> Iterator[Table]:
+    """Table of CPU times against n for flexlink and every engine.
+
+    One table per job.
+    """
+    for case, series in results.showing("cost"):
+        times: dict[tuple[str, float], dict[str, float]] = {}
+        for family, part in panels_of(series):
+            for curve in curves(part):
+                for n, time in zip(curve.x, curve.y, strict=True):
+                    times.setdefault((family, float(n)), {})[curve.label] = float(time)
+        engines = [engine for engine in ORDER if any(engine in row for row in times.values())]
+        lines = tuple((family, n, *(row.get(engine) for engine in engines)) for (family, n), row in times.items())
+        sentence = (
+            "native: flexlink in a compiled loop; public: its checked call from Python. Engines are called from Python."
+        )
+        heads = ("chain", "n", *(f"{engine} [µs]" for engine in engines))
+        yield Table(f"{case}.{series.name}.times", series.title, heads, lines, (sentence,), to_look_up=True)
