@@ -231,6 +231,7 @@ CHAINS = {
     "T3, cells of 4": lambda _: fl.lump(arm("xyz", "lobatto4")),
     "T3, across joints": lambda _: coupled_abroad(fl.lump(arm("xyz"))),
 }
+SPRUNG = [name for name in CHAINS if "across" not in name]  # chains whose K is positive definite for the sprung joints
 
 
 @compiled

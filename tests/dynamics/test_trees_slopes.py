@@ -9,12 +9,11 @@ from msgspec.structs import replace
 import flexlink as fl
 from flexlink.common.types import Array
 from flexlink.describe.arm import Base
-from flexlink.dynamics.equilibrium import static_postures
 from flexlink.dynamics.forces import damping_slope
 from flexlink.dynamics.small_motion import SmallMotion
 from flexlink.dynamics.tangent import gyroscopic_matrix, stiffness_matrix
-from tests.conftest import chain_of, flexible, make_scene
-from tests.support.beams import THIN, thin_link
+from tests.conftest import chain_of, flexible
+from tests.support.beams import THIN, branching, thin_link
 from tests.support.trees import random_tree, slopes
 
 SEEDS = range(4)
@@ -198,29 +197,6 @@ def test_the_equilibrium_of_an_arm_on_an_elastic_slide_scales_with_size(size: fl
     assert len(rest.path) < 10
     K = stiffness_matrix(chain, rest.q, 0 * rest.q, np.zeros(6))
     assert np.abs(K - K.T).max() < 1e-14 * np.abs(K).max()
-
-
-def branching(**fields: object) -> fl.Scene:
-    """Two flexible arms on the ground, one on an elastic prismatic joint, the other with a prismatic hand."""
-    belt = fl.Joint(kind="prismatic", axis=(1.0, 0.0, 0.0), viscous=0.5, armature=0.1, gear_stiffness=300.0)
-    out = fl.Joint(kind="prismatic", axis=(0.0, 1.0, 1.0))
-    hand = fl.RigidBody(mass=0.3, inertia=(0.01, 0.01, 0.01))
-    return make_scene(
-        flexible("left", "z", 3, joint=fl.Joint(viscous=0.1), hub=hand),
-        flexible("right", "xyz", 3, on="base", joint=belt, mount=fl.Mount(rpy_deg=(20.0, 30.0, 180.0)), hub=hand),
-        fl.Link(name="hand", on="left", length=0.2, joint=out, hub=hand),
-        gravity=(0.0, 9.81, 1.0),
-        **fields,
-    )
-
-
-def test_equilibria_of_a_sequence_equal_those_of_separate_solutions() -> None:
-    chain = fl.lump(branching())
-    driven = np.linspace(0.0, 1.0, 4)[:, None] * [0.3, 0.05, 0.1]
-    q = np.zeros((4, chain.n))
-    q[:, chain.active] = driven
-    each = [fl.solve_static(chain, row, locked=chain.active).q for row in q]
-    assert static_postures(chain, driven) == pytest.approx(np.array(each), abs=1e-13)
 
 
 @pytest.mark.parametrize("on", ["right", "hand"])

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from flexlink import Arm, Chain, Joint, Link, Material, RigidBody, Section
-from tests.conftest import chain_of
+from flexlink import Arm, Chain, Joint, Link, Material, Mount, RigidBody, Scene, Section
+from tests.conftest import chain_of, flexible, make_scene
 
 THIN = 1e-16
 """Second moment of area I so small that rotary inertia is negligible against ρ A L²; E = 1/I gives EI = 1."""
@@ -67,3 +67,17 @@ def princeton_beam(rule: str, hinges: int) -> Chain:
         sections={"strip": Section(shape="rectangle", height=12.3777e-3, width=3.2024e-3)},
     )  # fmt: skip
     return chain_of(arm, (0.0, 0.0, 0.0))
+
+
+def branching(**fields: object) -> Scene:
+    """Two flexible arms on the ground, one on an elastic prismatic joint, the other with a prismatic hand."""
+    belt = Joint(kind="prismatic", axis=(1.0, 0.0, 0.0), viscous=0.5, armature=0.1, gear_stiffness=300.0)
+    out = Joint(kind="prismatic", axis=(0.0, 1.0, 1.0))
+    hand = RigidBody(mass=0.3, inertia=(0.01, 0.01, 0.01))
+    return make_scene(
+        flexible("left", "z", 3, joint=Joint(viscous=0.1), hub=hand),
+        flexible("right", "xyz", 3, on="base", joint=belt, mount=Mount(rpy_deg=(20.0, 30.0, 180.0)), hub=hand),
+        Link(name="hand", on="left", length=0.2, joint=out, hub=hand),
+        gravity=(0.0, 9.81, 1.0),
+        **fields,
+    )
