@@ -11,7 +11,7 @@ from flexlink.describe.spec import Vector3
 from flexlink.errors import ArgumentError, SingularMassError
 from flexlink.kernels.derivatives.forward_derivatives import forward_derivatives
 from flexlink.kernels.derivatives.planar_derivatives import planar_derivatives
-from tests.conftest import flexible, make_scene, nasty_scene, random_state
+from tests.conftest import flexible, make_scene, random_state
 from tests.support.words import refused
 from validation.oracles.spatial_chain import DIFFERENCES, SpatialChain, accelerations, derivatives, exactly
 
@@ -152,28 +152,6 @@ def test_planar_and_spatial_recursions_give_the_same_derivatives(rng: np.random.
         plane, space = np.empty((2, 3, chain.n, chain.n))
         assert chain.is_planar and planar_derivatives(*state, plane) and forward_derivatives(*state, space)
         assert max(map(off, plane, space)) <= CLOSE
-
-
-def test_forward_and_inverse_dynamics_derivatives_are_consistent(chain: Chain, rng: np.random.Generator) -> None:
-    """Both use the same equation of motion: ∂τ/∂q + ∂τ/∂q̈ ∂q̈/∂q = −∂(T_FL + T_FR)/∂q, and equally for q̇ and τ."""
-    q, qd = bent_state(chain, rng)
-    tau = rng.normal(size=chain.n)
-    forward = fl.forward_dynamics_derivatives(chain, q, qd, tau)
-    inverse = fl.inverse_dynamics_derivatives(chain, q, qd, fl.forward_dynamics(chain, q, qd, tau))
-    for slope, own, through in (
-        (inverse.dq, chain.stiffness, forward.dq),
-        (inverse.dqd, friction_derivative(chain, qd), forward.dqd),
-        (np.zeros((chain.n, chain.n)), -np.ones(chain.n), forward.dtau),
-    ):
-        parts = np.abs(inverse.dqdd) @ np.abs(through)
-        assert (np.abs(slope + np.diag(own) + inverse.dqdd @ through) <= 1e-12 * parts.max()).all()
-
-
-def test_hinges_outboard_of_a_body_have_zero_jacobian_columns() -> None:
-    chain = fl.lump(nasty_scene())
-    J = fl.jacobian(chain, np.full(chain.n, 0.1), body=0)
-    stop = int(chain.bodies["stop"][0])
-    assert not J.linear[:, stop:].any() and not J.angular[:, stop:].any()
 
 
 def test_derivatives_at_a_prescribed_joint_are_with_respect_to_its_acceleration(rng: np.random.Generator) -> None:

@@ -11,11 +11,10 @@ import scipy.special
 from msgspec.structs import replace
 
 import flexlink as fl
-from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.formats.features import unsupported
-from flexlink.kernels.forces.elements import KINDS, POTENTIALS
+from flexlink.kernels.forces.elements import KINDS
 from flexlink.kernels.layout import FORCES, Rare
-from tests.matrix.case import case, close, difference
+from tests.matrix.case import case
 from tests.support.words import refused
 
 ROOT = Path(__file__).parents[2]
@@ -79,19 +78,6 @@ def test_a_spring_with_no_slope_at_the_start_is_found_in_equilibrium() -> None:
         found = fl.solve_static(chain, [start], tau=[C])
         np.testing.assert_allclose(found.q, [1.0], rtol=1e-9)
         assert found.stable
-
-
-@pytest.mark.parametrize("name", sorted(POTENTIALS))
-def test_elements_with_a_potential_are_in_elastic_torque_and_stiffness(name: str, rng) -> None:
-    arm = case({"couplings": "cells_space", "rotation": "rotation", "hardening": "hardening"}[name])
-    chain, (q, *_) = arm.chain, arm.state()
-    assert chain.has_rotation_springs if name == "rotation" else len(chain.force(name))
-    zero, I = np.zeros(chain.n), np.eye(chain.n)
-    slopes = [difference(lambda h, e=e: fl.energy(chain, q + h * e, zero).elastic) for e in I]
-    torque = fl.elastic_torque(chain, q)
-    close(torque, np.array(slopes), 1e-8, 1e-9 * np.abs(torque).max())
-    K = stiffness_matrix(chain.with_numbers(gravity=np.zeros(3)), q, zero, np.zeros(6))
-    close(K, np.array([difference(lambda h, e=e: fl.elastic_torque(chain, q + h * e)) for e in I]).T, 1e-7)
 
 
 def test_the_recipe_of_a_force_law_names_files_that_exist_and_tables_that_agree() -> None:

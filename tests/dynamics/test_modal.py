@@ -6,7 +6,6 @@ import mpmath
 import msgspec
 import numpy as np
 import pytest
-from scipy import linalg
 
 import flexlink as fl
 from flexlink import (
@@ -18,7 +17,6 @@ from flexlink import (
     RigidBody,
     Section,
     elastic_torque,
-    forward_dynamics,
     modes,
     natural_frequencies,
     tip_position,
@@ -156,24 +154,6 @@ def test_kelvin_voigt_damping_grows_with_frequency(loss_time):
     assert loss_time * ω.max() < 2  # all modes oscillate
     assert damped.frequencies == pytest.approx(ω, rel=1e-9)
     assert damped.damping_ratios == pytest.approx(loss_time * ω / 2, rel=1e-8)
-
-
-def test_eigenvalues_equal_those_of_linearised_forward_dynamics():
-    """With all loads, springs, friction and free joints: δq̈ = A δq + B δq̇ by differences of `forward_dynamics`."""
-    chain = fl.lump(nasty_scene())
-    n, wrench = chain.n, np.array([3.0, -2.0, 5.0, 1.0, 0.5, -1.0])
-    q, rest = np.linspace(-0.3, 0.4, n), np.zeros(n)
-    tau = load_torque(chain, q, rest, wrench) + elastic_torque(chain, q)  # torque of equilibrium
-
-    def slope(f, h):
-        return np.array([(f(h * e) - f(-h * e)) / (2 * h) for e in np.eye(n)]).T
-
-    A = slope(lambda d: forward_dynamics(chain, q + d, rest, tau, tip_wrench=wrench), 1e-6)
-    B = slope(lambda d: forward_dynamics(chain, q, d, tau, tip_wrench=wrench), 1e-6)
-    λ = linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [A, B]]))
-    found = modes(chain, q, tip_wrench=wrench).eigenvalues
-    for value in found:
-        assert np.abs(λ - value).min() < 1e-6 * np.abs(found).max()
 
 
 # --- rounding: stiff and soft modes, and joints without restoring torque ---------------------------------------------
@@ -473,35 +453,6 @@ def test_stable_steps_and_modes_default_to_the_posture_with_slack_springs() -> N
     assert np.array_equal(fl.modes(chain).frequencies, fl.modes(chain, chain.rest).frequencies)
     for one in (chain, straight):  # RK4 on an undamped chain
         assert fl.stable_step(one) * fl.modes(one).frequencies.max() == pytest.approx(2.828427, rel=1e-6)
-
-
-def test_modes_of_a_spinning_arm_solve_the_linearised_equation_of_motion() -> None:
-    """A wheel at the tip of a straight soft arm that turns at 20 rad/s: flapping and twist are coupled by their rates.
-
-    The straight arm without gravity is in relative equilibrium. T_GC is quadratic in the rates, so its central
-    difference is exact, and T_GC is a trigonometric polynomial in the angles.
-    """
-    wheel = fl.RigidBody(mass=1.0, inertia=(0.5, 0.3, 0.4))
-    chain = fl.lump(make_scene(flexible("a", "xyz", 3), tip=wheel, gravity=(0, 0, 0)))
-    q, qd, free = np.zeros(chain.n), np.zeros(chain.n), np.arange(1, chain.n)
-    qd[0] = 20.0
-    assert fl.bias_torque(chain, q, qd)[free] == pytest.approx(0, abs=1e-9)
-
-    def slope(torque, h: float) -> np.ndarray:
-        return np.array([(torque(h * e) - torque(-h * e)) / (2 * h) for e in np.eye(chain.n)[free]]).T[free]
-
-    G = slope(lambda d: fl.bias_torque(chain, q, qd + d), 1.0)
-    K = slope(lambda d: fl.bias_torque(chain, q + d, qd) + fl.elastic_torque(chain, q + d), 1e-4)
-    M = fl.mass_matrix(chain, q)[np.ix_(free, free)]
-    zero, one = np.zeros_like(M), np.eye(len(M))
-
-    def frequencies(C: np.ndarray) -> np.ndarray:
-        A = np.block([[zero, one], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
-        return np.sort(np.abs(np.linalg.eigvals(A).imag))[::2]
-
-    found = np.sort(fl.natural_frequencies(chain, q, locked=[0], qd=qd))
-    assert found == pytest.approx(frequencies(G), rel=1e-6)  # truncation error h² = 1e-8, and rounding
-    assert np.abs(found / frequencies(zero) - 1).max() > 1e-3  # so a missing gyroscopic term would be detected
 
 
 def test_slowly_growing_flutter_is_unstable() -> None:

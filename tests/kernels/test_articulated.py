@@ -56,10 +56,6 @@ def assert_as_lu(chain: Chain, rng: np.random.Generator, states: int = 5) -> Non
             )
 
 
-def test_accelerations_of_every_model_agree_with_lu(chain: Chain, rng: np.random.Generator) -> None:
-    assert_as_lu(chain, rng)
-
-
 @pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
 @pytest.mark.parametrize("segments", [2, 3, 10])
 @pytest.mark.parametrize("mount", [Mount(rpy_deg=(-90.0, 0.0, 0.0)), SKEW])
