@@ -7,48 +7,17 @@ from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink import Chain, Joint, Link, Mount, PrescribedMotion, RigidBody
-from flexlink.describe.spec import Vector3
 from flexlink.errors import ArgumentError, SingularMassError
 from flexlink.kernels.derivatives.forward_derivatives import forward_derivatives
 from flexlink.kernels.derivatives.planar_derivatives import planar_derivatives
 from tests.conftest import flexible, make_scene, random_state
 from tests.support.words import refused
 from validation.oracles.spatial_chain import DIFFERENCES, SpatialChain, accelerations, derivatives, exactly
+from validation.random_arms import random_arm, random_tree
 
 Array = NDArray[np.float64]
-ARMS = 12
 CLOSE = 1e-12
 """Error limit of the project, relative to the largest element; rounding alone gives 1e-13 for arms of ten hinges."""
-
-
-def random_arm(rng: np.random.Generator) -> Chain:
-    """One to three random links with any mounts, with rotors, hubs, dry friction and a load."""
-
-    def joint() -> Joint:
-        some = rng.uniform(size=3) * (rng.uniform(size=3) < 0.5)
-        return Joint(viscous=some[0], coulomb=some[1], coulomb_width=1.0, armature=0.1 * some[2])
-
-    def link(number: int) -> Link:
-        flex = str(rng.choice(["rigid", "z", "yz", "xyz"]))
-        fields = {
-            "mount": Mount(rpy_deg=_three(rng, 180.0), xyz=_three(rng, 0.3)),
-            "joint": joint(),
-            "hub": RigidBody(mass=rng.uniform(), inertia=(0.01, 0.01, 0.01)),
-        }
-        if flex == "rigid":
-            return Link(
-                name=f"l{number}", length=rng.uniform(0.1, 1.0), material="aluminium", section="square", **fields
-            )
-        return flexible(f"l{number}", flex, int(rng.integers(2, 4)), **fields)
-
-    links = [link(number) for number in range(rng.integers(1, 3))]
-    tip = RigidBody(mass=rng.uniform(), inertia=(0.01, 0.02, 0.02))
-    return fl.lump(make_scene(*links, tip=tip, gravity=_three(rng, 10.0)))
-
-
-def _three(rng: np.random.Generator, size: float) -> Vector3:
-    x, y, z = rng.uniform(-size, size, 3)
-    return float(x), float(y), float(z)
 
 
 def bent_state(chain: Chain, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -88,41 +57,24 @@ def worst_of_inverse(chain: Chain, q: Array, qd: Array, qdd: Array, wrench: Arra
     return max(off(ours, theirs) for ours, theirs in zip(own, (by_angle, by_rate, M), strict=True))
 
 
-def worst_of_random_arm(seed: int) -> tuple[float, float]:
-    rng = np.random.default_rng(seed)
-    chain = random_arm(rng)
-    q, qd = bent_state(chain, rng)
-    qdd, tau, wrench = rng.normal(size=chain.n), rng.normal(size=chain.n), rng.normal(size=6)
-    return worst_of_inverse(chain, q, qd, qdd, wrench), worst_of_forward(chain, q, qd, tau, wrench)
+SLOW = [(random_tree, seed) for seed in (35, 42, 48)]
+LIGHT = [(random_arm, 221), (random_arm, 266), (random_tree, 384)]
+SEEDS = [(random_arm, seed) for seed in (0, 5, 14, 27, 40)] + [(random_tree, seed) for seed in (2, 14, 23, 49, 57)]
 
 
-@pytest.mark.parametrize("seed", [6, 9])  # arms with five and four joints
-def test_derivatives_agree_with_50_digit_arithmetic(seed: int) -> None:
-    assert max(worst_of_random_arm(seed)) <= CLOSE
+@pytest.mark.parametrize(
+    ("make", "seed"), [*SEEDS, *LIGHT, *(pytest.param(*each, marks=pytest.mark.slow) for each in SLOW)]
+)
+def test_derivatives_agree_with_50_digit_arithmetic(make, seed: int) -> None:
+    """Arms and trees with every key of a link, on fixed and free bases; 300 others: `derivatives_50_digits`.
 
-
-@pytest.mark.slow
-def test_derivatives_of_random_arms_agree_with_50_digit_arithmetic() -> None:
-    """Arms have two or more joints: with one joint, the only element may be a small difference of large numbers.
-
-    300 such arms, and 300 arms with every key of a link (`python -m validation derivatives_50_digits`), are all
-    within this limit.
+    Light segments have q̈ > 1e7 rad/s²; without body accelerations, their rounding would change ∂q̈/∂q by 5e-12.
     """
-    seeds = [seed for seed in range(ARMS) if random_arm(np.random.default_rng(seed)).n > 1]
-    assert max(max(worst_of_random_arm(seed)) for seed in seeds) <= CLOSE
-
-
-def test_a_light_fast_segment_does_not_reduce_the_accuracy_of_the_others() -> None:
-    """A segment of a few grams has q̈ = 3e7 rad/s², and a small part of this acceleration affects the next segment.
-
-    Rounding of this q̈ alone changes ∂q̈/∂q by 1e-12; computing with body accelerations gains a digit.
-    """
-    rng = np.random.default_rng(159)
-    chain = random_arm(rng)
+    chain, rng = fl.lump(make(seed)), np.random.default_rng(seed)
     q, qd = bent_state(chain, rng)
-    _, tau, wrench = rng.normal(size=chain.n), rng.normal(size=chain.n), rng.normal(size=6)
-    assert np.abs(fl.forward_dynamics(chain, q, qd, tau, tip_wrench=wrench)).max() > 1e7
-    assert worst_of_forward(chain, q, qd, tau, wrench) <= CLOSE / 2
+    (qdd, tau), wrench = rng.normal(size=(2, chain.n)), rng.normal(size=6)
+    assert worst_of_inverse(chain, q, qd, qdd, wrench) <= CLOSE
+    assert worst_of_forward(chain, q, qd, tau, wrench) <= CLOSE
 
 
 def test_accelerations_of_a_small_rotor_at_an_elastic_gear_stay_accurate() -> None:
