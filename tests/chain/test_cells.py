@@ -13,10 +13,8 @@ from flexlink.describe.schemes.cells import Cells, cell_of
 from flexlink.describe.schemes.lumping_rules import Element, LumpingRule, lumping_rule
 from flexlink.errors import SceneError
 from flexlink.kernels.forces.couplings import cells_of
-from flexlink.kernels.forward.mass_plus_cells import COUPLED, FACTORS, columns
 from flexlink.kernels.layout import COUPLING, FORCES, Rare
 from tests.conftest import ALUMINIUM, SQUARE, compiled, flexible, make_scene
-from tests.kernels.test_mass_plus import posture_of, solved
 from tests.support.beams import cantilever
 from tests.support.words import refused
 
@@ -232,26 +230,6 @@ CHAINS = {
     "T3, across joints": lambda _: coupled_abroad(fl.lump(arm("xyz"))),
 }
 SPRUNG = [name for name in CHAINS if "across" not in name]  # chains whose K is positive definite for the sprung joints
-
-
-@compiled
-@pytest.mark.parametrize("name", CHAINS)
-@pytest.mark.parametrize("z", [1e-4, 0.01 + 0.007j, 3.0])
-def test_solving_with_coupled_cells_agrees_with_the_dense_matrix(name: str, z: complex, tmp_path: Path) -> None:
-    """The error of x in (M + z D + z² K) x = r is at most 100 eps times the condition number, as with a diagonal K."""
-    chain = CHAINS[name](tmp_path)
-    q, r, _ = state(chain)
-    r = r.astype(type(z))
-    rotors = np.diag(chain.hinges["armature"])
-    A = rotors + z * chain.matrix("damping") + z * z * chain.matrix("stiffness")
-    dense = fl.mass_matrix(chain, q) - rotors + A
-    posture = posture_of(chain)
-    factors = np.zeros((chain.n, columns(posture.first)), dtype=type(z))
-    factors[:, FACTORS.A] = np.diag(A)
-    for k, first in enumerate(posture.first):
-        factors[k, COUPLED.L : COUPLED.L + k - first] = A[k, first:k]
-    found, wanted = solved(q, factors, r, posture), np.linalg.solve(dense, r)
-    assert np.abs(found - wanted).max() <= 100 * EPS * np.linalg.cond(dense) * np.abs(wanted).max()
 
 
 @pytest.mark.parametrize("name", ["plane, across opposite axes", "T3, cells of 3", "T3, across joints"])
