@@ -232,25 +232,6 @@ CHAINS = {
 SPRUNG = [name for name in CHAINS if "across" not in name]  # chains whose K is positive definite for the sprung joints
 
 
-@pytest.mark.parametrize("name", ["plane, across opposite axes", "T3, cells of 3", "T3, across joints"])
-def test_derivatives_with_coupled_springs_agree_with_finite_differences(name: str, tmp_path: Path) -> None:
-    """Fourth-order differences agree to 1e-8 of the largest value plus rounding of q̈; batches equal single states."""
-    chain = CHAINS[name](tmp_path)
-    q, qd, tau = state(chain)
-    found = fl.forward_dynamics_derivatives(chain, q, qd, tau)
-    rounded = 100 * EPS * np.abs(fl.forward_dynamics(chain, q, qd, tau)).max()
-    h, weights = 1e-3, {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
-    for by, slopes in ((0, found.dq), (1, found.dqd)):
-        for k in range(chain.n):
-            step = np.eye(chain.n)[k] * h
-            moved = {s: (q + s * step, qd) if by == 0 else (q, qd + s * step) for s in weights}
-            wanted = sum(w * fl.forward_dynamics(chain, *moved[s], tau) for s, w in weights.items()) / h
-            assert np.abs(slopes[:, k] - wanted).max() <= 1e-8 * np.abs(slopes).max() + rounded / h
-    many = fl.forward_dynamics_derivatives(chain, *(np.array([part, part]) for part in (q, qd, tau)))
-    for one, both in ((found.dq, many.dq), (found.dqd, many.dqd), (found.dtau, many.dtau)):
-        assert both[1] == pytest.approx(one, abs=1e-13 * np.abs(one).max())
-
-
 RUNS = {
     "RK4": {"run.method": "RK4", "run.step": 5e-6, "run.duration": 1e-3, "run.sample": 2e-4},
     "DOP853": {"run.method": "DOP853", "run.relative_tolerance": 1e-6, "run.duration": 0.01, "run.sample": 5e-3},

@@ -129,20 +129,6 @@ def test_derivatives_at_a_prescribed_joint_are_with_respect_to_its_acceleration(
     assert others.size
 
 
-@pytest.mark.slow
-def test_derivatives_of_a_chain_of_400_hinges_are_accurate(rng: np.random.Generator) -> None:
-    chain = fl.lump(make_scene(flexible("a", "z", 400)))
-    q, qd = np.full(chain.n, 1e-3), np.full(chain.n, 0.1)
-    found = fl.forward_dynamics_derivatives(chain, q, qd, 0 * q)
-    assert chain.n == 400
-    for j in (0, 200, 399):
-        e = np.eye(400)[j]
-        assert (
-            off(found.dtau[:, j], fl.forward_dynamics(chain, q, qd, e) - fl.forward_dynamics(chain, q, qd, 0 * e))
-            <= 1e-8
-        )
-
-
 def test_derivatives_that_do_not_exist_are_errors() -> None:
     chain = fl.lump(make_scene(flexible("a", "xyz", 2)))
     q = np.zeros(chain.n)

@@ -31,21 +31,13 @@ from flexlink.errors import ArgumentError, ConvergenceError
 from flexlink.strength import buckling_loads
 from tests.chain.test_cells import CHAINS, SPRUNG
 from tests.conftest import chain_of, flexible, make_scene, nasty_scene
-from tests.support.beams import branching, cantilever, princeton_beam, thin_arm, thin_link
+from tests.support.beams import branching, cantilever, thin_arm, thin_link
 from tests.support.words import refused
 from validation.oracles import hencky
 from validation.physics.hinge_sweep import order
 from validation.reference_values import look_up
 
 # --- three dimensions ------------------------------------------------------------------------------------------------
-
-
-def test_a_spatial_tip_moment_is_applied_in_full_and_balanced():
-    chain = princeton_beam("legendre", 6)
-    found = solve_static(chain, tip_wrench=[1.0, 2.0, 3.0, 2.0, 0.5, -4.0])
-    torque = bias_torque(chain, found.q, np.zeros(chain.n), tip_wrench=[1.0, 2.0, 3.0, 2.0, 0.5, -4.0])
-    assert torque + elastic_torque(chain, found.q) == pytest.approx(np.zeros(chain.n), abs=1e-9)
-    assert found.stable
 
 
 def test_equilibrium_under_a_follower_force_matches_shooting():
