@@ -54,21 +54,6 @@ def torsion_bar(rule: str, hinges: int, tip_inertia: float = 0.0) -> tuple[Chain
     return chain, [k for k, c in enumerate(chain.coordinates) if c.axis != 1]
 
 
-def princeton_beam(rule: str, hinges: int) -> Chain:
-    """Return the Princeton beam: 508 × 12.3777 × 3.2024 mm, height along y, aluminium 7075, without gravity."""
-    arm = Arm(
-        links=(
-            Link(
-                name="beam", length=0.508, flex="xyz", material="al7075", section="strip", segments=hinges + 1,
-                lumping=rule, joint=Joint(locked=True),
-            ),
-        ),
-        materials={"al7075": Material(young=71.7e9, poisson=0.31, density=2700.0)},
-        sections={"strip": Section(shape="rectangle", height=12.3777e-3, width=3.2024e-3)},
-    )  # fmt: skip
-    return chain_of(arm, (0.0, 0.0, 0.0))
-
-
 def branching(**fields: object) -> Scene:
     """Two flexible arms on the ground, one on an elastic prismatic joint, the other with a prismatic hand."""
     belt = Joint(kind="prismatic", axis=(1.0, 0.0, 0.0), viscous=0.5, armature=0.1, gear_stiffness=300.0)
