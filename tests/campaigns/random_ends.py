@@ -20,7 +20,7 @@ import flexlink as fl
 from tests.campaigns.random_motors import random_motor
 from tests.campaigns.random_scenes import random_scene
 from tests.support.looking import in_every_way
-from validation.random_arms import Dice
+from validation.random_arms import Dice, random_tree
 
 EXPLICIT, IMPLICIT = ("RK2", "RK3", "RK4", "DOPRI5", "DOP853", "RK10"), ("Gauss4", "Gauss6", "Radau5", "Radau9")
 ADAPTIVE = ("auto", "DOP853", "Radau5", "Radau9")
@@ -32,38 +32,14 @@ SAME = 1e-12  # allowed difference [m]; a run and a simulator may continue in di
 
 
 def random_satellite(dice: Dice) -> fl.Scene:
-    """Return a free body with one to three links, some of them flexible; the body spins at up to 20 rad/s."""
-    links = tuple(_panel(dice, k) for k in range(dice.one_of(1, 2, 3)))
-    spin = np.degrees(dice.linear(0.0, 20.0)) * _unit(dice)
-    base = fl.details.BaseState(velocity=dice.three(0.5), spin_deg=(float(spin[0]), float(spin[1]), float(spin[2])))
-    rates = tuple(0.0 if link.joint.locked else dice.linear(-90.0, 90.0) for link in links)
-    sizes = sorted(dice.linear(0.2, 1.0) for _ in range(3))
-    inertia = sizes[0], sizes[1], min(sizes[2], 0.9 * (sizes[0] + sizes[1]))
-    arm = fl.Arm(
-        links=links, materials={"stuff": fl.Material(young=dice.decades(8.5, 10.8), density=1500.0)},
-        sections={"bar": fl.Section(shape="rectangle", height=dice.linear(0.005, 0.02), width=0.03)},
-        tip=fl.RigidBody(mass=dice.one_of(0.0, 0.5)),
-        base=fl.Base(kind="free", mass=dice.decades(0.0, 1.5), center=dice.three(0.05), inertia=inertia),
-    )  # fmt: skip
-    start = fl.InitialState(
-        joint_deg=tuple(0.0 if link.joint.locked else 20.0 for link in links), rate_deg=rates, base=base
-    )
-    run = fl.RunSettings(duration=DURATION, sample=DURATION / SAMPLES)
-    return fl.Scene(name="satellite", arm=arm, initial=start, gravity=(0.0, 0.0, 0.0), run=run)
-
-
-def _unit(dice: Dice) -> np.ndarray:
+    """Return a random tree on a free base that spins at up to 20 rad/s, without gravity."""
+    scene = random_tree(int(dice.linear(0, 1e6)))
+    if not scene.arm.base.free:
+        return random_satellite(dice)
     way = np.array(dice.three(1.0))
-    return np.asarray(way / np.linalg.norm(way))
-
-
-def _panel(dice: Dice, k: int) -> fl.Link:
-    flex = dice.one_of("rigid", "z", "yz")
-    joint = fl.Joint(locked=flex != "rigid" and dice.chance(0.5), viscous=dice.one_of(0.0, 0.05))
-    return fl.Link(
-        name=f"panel{k}", on="base" if k and dice.chance(0.5) else "", length=dice.linear(0.3, 1.0), flex=flex,
-        segments=1 if flex == "rigid" else 3, material="stuff", section="bar", joint=joint,
-    )  # fmt: skip
+    spin = np.degrees(dice.linear(0.0, 20.0)) * way / np.linalg.norm(way)
+    run = fl.RunSettings(duration=DURATION, sample=DURATION / SAMPLES)
+    return scene.varied({"initial.base.spin_deg": tuple(spin.tolist()), "gravity": (0.0, 0.0, 0.0), "run": run})
 
 
 def settings() -> Iterator[dict[str, object]]:

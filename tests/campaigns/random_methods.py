@@ -57,20 +57,7 @@ def of_kind(seed: int) -> tuple[str, fl.Scene]:
 
 def rigid(dice: Dice, seed: int) -> fl.Scene:
     """Rigid arm that falls or follows a reference, with many samples."""
-    number = dice.one_of(1, 2, 3, 4, 6)
-    spatial = dice.chance(0.5)
-    links = tuple(
-        fl.Link(name=f"link{k}", length=dice.linear(0.2, 1.0), hub=fl.RigidBody(
-            mass=dice.linear(0.5, 4.0), center=(dice.linear(0.1, 0.4), 0.0, 0.0), inertia=(0.02, 0.05, 0.06)),
-            mount=fl.Mount(rpy_deg=dice.three(90)) if spatial else fl.Mount(),
-            joint=fl.Joint(viscous=dice.one_of(0.0, 0.1, 1.0), armature=dice.one_of(0.0, 0.05)))
-        for k in range(number)
-    )  # fmt: skip
-    scene = fl.Scene(
-        name="rigid", arm=fl.Arm(links=links, tip=fl.RigidBody(mass=1.0)), gravity=(0.0, -9.81, 0.0),
-        initial=fl.InitialState(joint_deg=tuple(dice.linear(-90, 90) for _ in links)),
-    )  # fmt: skip
-    return driven(dice, scene, dice.one_of(0.5, 1.0, 2.0), dice.one_of(100, 400, 400))
+    return driven(dice, random_arm(seed).rigidified(), dice.one_of(0.5, 1.0, 2.0), dice.one_of(100, 400, 400))
 
 
 def bending(dice: Dice, _seed: int) -> fl.Scene:

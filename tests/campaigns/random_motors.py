@@ -19,7 +19,7 @@ from scipy.integrate import solve_ivp
 
 import flexlink as fl
 from flexlink.motion.inputs.initial_state import initial_state
-from flexlink.motion.inputs.references import reference_arrays
+from tests.campaigns.fresh_scene_truth import Truth
 from validation.random_arms import Dice
 
 Array = NDArray[np.float64]
@@ -99,50 +99,17 @@ def _link(dice: Dice, name: str) -> fl.Link:
     return fl.Link(name=name, length=length, flex="z", segments=3, material="stuff", section="bar", joint=joint)
 
 
-def law_of(scene: fl.Scene, chain: fl.Chain) -> Callable[[float, float, Array, Array], Array]:
-    """Drive torques u(t, middle, q, q̇) without limits; `middle` is a time inside the piece of the reference."""
-    drive, joints = scene.drive, chain.active
-    if drive.kind == "table":
-        times, rows = np.array(drive.times), np.array(drive.torques)
-        return lambda t, middle, q, qd: np.array([np.interp(t, times, column) for column in rows.T])
-    kp, kd = np.array(drive.kp), np.array(drive.kd)
-    reference = reference_arrays(scene, chain)
-    rigid = fl.lump(scene.rigidified())
-    exponents = np.arange(reference.coefficients.shape[1])
-    of_rate = exponents[1:, None] * reference.coefficients[:, 1:]
-    of_acceleration = exponents[1:-1, None] * of_rate[:, 1:]
-
-    def wanted(t: float, middle: float) -> tuple[Array, Array, Array]:
-        piece = max(0, int(np.searchsorted(reference.knots, middle, side="right")) - 1)
-        powers = (t - reference.knots[piece]) ** exponents
-        value = powers @ reference.coefficients[piece]
-        return value, powers[:-1] @ of_rate[piece], powers[:-2] @ of_acceleration[piece]
-
-    def law(t: float, middle: float, q: Array, qd: Array) -> Array:
-        r, rate, acceleration = wanted(t, middle)
-        e, ed = r - q[joints], rate - qd[joints]
-        if drive.kind == "computed_torque":
-            own, turning = q[joints], qd[joints]
-            M, bias = fl.mass_matrix(rigid, own), fl.bias_torque(rigid, own, turning)
-            return np.asarray(M @ (acceleration + kp * e + kd * ed) + bias)
-        held = fl.gravity_torque(rigid, r) if drive.gravity == "rigid" else 0.0
-        return np.asarray(kp * e + kd * ed + held)
-
-    return law
-
-
 def judged(scene: fl.Scene, times: Array) -> Array:
     """Tip positions at the times by SciPy, shape (rows, 3); within a step each torque stays on one branch."""
     chain = fl.lump(scene)
     q, qd = initial_state(scene, chain)
-    law, E, d = law_of(scene, chain), np.array(scene.drive.effort), len(chain.active)
-    knots = [float(times[-1])]
-    if scene.drive.kind == "table":
-        knots += list(scene.drive.times or ())
-    elif scene.drive.reference is not None:
-        knots += reference_arrays(scene, chain).knots.tolist()
-    knots = sorted({t for t in knots if 0 < t <= times[-1]})
+    truth, E, d = Truth(scene.varied({"drive.effort": None}), chain), np.array(scene.drive.effort), len(chain.active)
+    knots = sorted({float(t) for t in (*truth.breaks, times[-1]) if 0 < t <= times[-1]})
     y, t, found, spent = np.concatenate([q, qd]), 0.0, {0.0: q}, 0
+
+    def law(t: float, middle: float, q: Array, qd: Array) -> Array:
+        """Drive torques without limits; `middle` is a time inside the piece of the reference."""
+        return truth.law(t + 1e-12 * (middle - t), q, qd)
 
     def accelerations(y: Array, u: Array) -> Array:
         tau = np.zeros(chain.n)

@@ -13,10 +13,8 @@ from flexlink.describe.schemes.cells import Cells, cell_of
 from flexlink.describe.schemes.lumping_rules import Element, LumpingRule, lumping_rule
 from flexlink.errors import SceneError
 from flexlink.kernels.forces.couplings import cells_of
-from flexlink.kernels.forward.mass_plus_cells import COUPLED, FACTORS, columns
 from flexlink.kernels.layout import COUPLING, FORCES, Rare
 from tests.conftest import ALUMINIUM, SQUARE, compiled, flexible, make_scene
-from tests.kernels.test_mass_plus import posture_of, solved
 from tests.support.beams import cantilever
 from tests.support.words import refused
 
@@ -231,45 +229,7 @@ CHAINS = {
     "T3, cells of 4": lambda _: fl.lump(arm("xyz", "lobatto4")),
     "T3, across joints": lambda _: coupled_abroad(fl.lump(arm("xyz"))),
 }
-
-
-@compiled
-@pytest.mark.parametrize("name", CHAINS)
-@pytest.mark.parametrize("z", [1e-4, 0.01 + 0.007j, 3.0])
-def test_solving_with_coupled_cells_agrees_with_the_dense_matrix(name: str, z: complex, tmp_path: Path) -> None:
-    """The error of x in (M + z D + z² K) x = r is at most 100 eps times the condition number, as with a diagonal K."""
-    chain = CHAINS[name](tmp_path)
-    q, r, _ = state(chain)
-    r = r.astype(type(z))
-    rotors = np.diag(chain.hinges["armature"])
-    A = rotors + z * chain.matrix("damping") + z * z * chain.matrix("stiffness")
-    dense = fl.mass_matrix(chain, q) - rotors + A
-    posture = posture_of(chain)
-    factors = np.zeros((chain.n, columns(posture.first)), dtype=type(z))
-    factors[:, FACTORS.A] = np.diag(A)
-    for k, first in enumerate(posture.first):
-        factors[k, COUPLED.L : COUPLED.L + k - first] = A[k, first:k]
-    found, wanted = solved(q, factors, r, posture), np.linalg.solve(dense, r)
-    assert np.abs(found - wanted).max() <= 100 * EPS * np.linalg.cond(dense) * np.abs(wanted).max()
-
-
-@pytest.mark.parametrize("name", ["plane, across opposite axes", "T3, cells of 3", "T3, across joints"])
-def test_derivatives_with_coupled_springs_agree_with_finite_differences(name: str, tmp_path: Path) -> None:
-    """Fourth-order differences agree to 1e-8 of the largest value plus rounding of q̈; batches equal single states."""
-    chain = CHAINS[name](tmp_path)
-    q, qd, tau = state(chain)
-    found = fl.forward_dynamics_derivatives(chain, q, qd, tau)
-    rounded = 100 * EPS * np.abs(fl.forward_dynamics(chain, q, qd, tau)).max()
-    h, weights = 1e-3, {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
-    for by, slopes in ((0, found.dq), (1, found.dqd)):
-        for k in range(chain.n):
-            step = np.eye(chain.n)[k] * h
-            moved = {s: (q + s * step, qd) if by == 0 else (q, qd + s * step) for s in weights}
-            wanted = sum(w * fl.forward_dynamics(chain, *moved[s], tau) for s, w in weights.items()) / h
-            assert np.abs(slopes[:, k] - wanted).max() <= 1e-8 * np.abs(slopes).max() + rounded / h
-    many = fl.forward_dynamics_derivatives(chain, *(np.array([part, part]) for part in (q, qd, tau)))
-    for one, both in ((found.dq, many.dq), (found.dqd, many.dqd), (found.dtau, many.dtau)):
-        assert both[1] == pytest.approx(one, abs=1e-13 * np.abs(one).max())
+SPRUNG = [name for name in CHAINS if "across" not in name]  # chains whose K is positive definite for the sprung joints
 
 
 RUNS = {

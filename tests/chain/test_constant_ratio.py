@@ -87,18 +87,6 @@ def test_unsupported_uses_of_constant_ratio_damping_are_refused() -> None:
         fl.lump(make_scene(flexible("a", "z", 403, damping=ALIKE)))
 
 
-@pytest.mark.parametrize("first", [0.3, 1.2])
-def test_dampers_of_a_constant_ratio_depend_on_the_configuration(first: float) -> None:
-    """A scene lumped earlier with another configuration must not affect the dampers."""
-    damping = fl.Damping(ratio=0.02, law="constant")
-    scene = make_scene(*(flexible(name, "z", 3, damping=damping) for name in "ab"), gravity=(0.0, 0.0, 0.0))
-    for elbow in (first, 0.1, first):
-        q = np.zeros(fl.lump(scene).n)
-        q[fl.lump(scene).active] = 0.0, elbow
-        chain = fl.lump(scene.varied({"initial": fl.InitialState(joint_deg=(0.0, float(np.degrees(elbow))))}))
-        np.testing.assert_allclose(fl.modes(chain, q, locked=chain.active).damping_ratios, 0.02, rtol=1e-8)
-
-
 def test_dampers_between_hinges_are_sorted_with_coupled_cells() -> None:
     """The first link has coupled cells, the second a damper at every hinge; kernels process both in one loop."""
     alike = fl.Damping(ratio=0.02, law="constant")

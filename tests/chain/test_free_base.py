@@ -117,21 +117,6 @@ def test_the_motion_does_not_depend_on_initial_attitude_and_velocity(run: fl.Tra
     assert np.abs(product_of(turn, run.base.attitude) - other.base.attitude).max() < 1e-11
 
 
-def test_a_mirrored_arm_moves_in_mirror_symmetry(run: fl.Trajectory) -> None:
-    links = [ARM.links[0], ARM.links[1]]
-    mirrored = fl.Arm(
-        links=tuple(links), materials=ARM.materials, sections=ARM.sections, tip=ARM.tip,
-        base=fl.Base(kind="free", mass=3.0, center=(0.05, 0.02, 0.03), inertia=(0.2, 0.25, 0.3)),
-    )  # fmt: skip
-    spin, velocity = SPIN.spin_deg, SPIN.velocity
-    state = fl.details.BaseState(
-        spin_deg=(-spin[0], spin[1], -spin[2]), velocity=(velocity[0], -velocity[1], velocity[2])
-    )
-    start = fl.InitialState(joint_deg=(-20.0, 0.0), joint_m=(0.0, 0.1), rate_deg=(-50.0, 0.0), base=state)
-    other = fl.simulate(fl.Scene(name="mirror", arm=mirrored, initial=start, gravity=(0, 0, 0), run=scene().run))
-    assert np.abs(other.tip - run.tip * [1.0, -1.0, 1.0]).max() < 1e-11
-
-
 def test_a_simulator_and_a_law_use_base_coordinates_relative_to_the_start(run: fl.Trajectory) -> None:
     arm = fl.Simulator(scene())
     for _ in range(15):
@@ -186,13 +171,6 @@ def test_sensitivities_of_a_base_angle_are_continuous_at_half_a_turn() -> None:
     found = fl.sensitivities(replace(scene(), arm=alone, initial=spun), ["initial.base.spin_deg.z"])
     np.testing.assert_allclose(np.abs(found.run.q[-1, 5]), np.pi, rtol=1e-6)
     np.testing.assert_allclose(found.q[:, 5, 0], np.radians(found.run.t), atol=1e-4)
-
-
-def test_a_free_base_has_six_rigid_body_modes() -> None:
-    chain = fl.lump(scene())
-    found = fl.modes(chain, np.zeros(chain.n), locked=[6, *np.flatnonzero(chain.slides)[3:]])
-    assert np.abs(found.frequencies[:6]).max() < 1e-5 * found.frequencies[6]
-    assert found.frequencies[6] > 1.0
 
 
 def test_a_force_on_the_base_acts_through_a_zero_length_link() -> None:

@@ -179,16 +179,6 @@ def random_thick(seed: int) -> tuple[fl.Chain, np.ndarray, np.ndarray]:
     return chain, chain.rest + size * rng.normal(size=chain.n), size * rng.normal(size=chain.n)
 
 
-@pytest.mark.parametrize("seed", range(1, 31))
-def test_the_equation_of_motion_holds(seed: int) -> None:
-    chain, q, qd = random_thick(seed)
-    tau = np.random.default_rng(seed).normal(size=chain.n)
-    qdd = fl.forward_dynamics(chain, q, qd, tau)
-    left = fl.inverse_dynamics(chain, q, qd, qdd) + fl.elastic_torque(chain, q) - tau
-    left += fl.friction_torque(chain, qd) + fl.drag_torque(chain, q, qd)
-    assert np.abs(left).max() <= rounding.of_residual(chain, q, qd, qdd, tau)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [2, 4, 6])
 def test_M_and_bias_are_those_of_100_digits(seed: int) -> None:

@@ -131,10 +131,11 @@ def test_filters_much_faster_than_the_samples_pass_the_signal() -> None:
 
 
 def test_a_delay_follows_or_precedes_filters_alike_between_samples() -> None:
-    """A first-order lag of a delayed ramp, closed form."""
+    """A first-order lag of a delayed ramp, closed form, with gain and bias."""
     t, T = np.arange(0.0, 1.0, 0.01), 0.08
     late = np.maximum(t - 0.0537, 0.0)
-    np.testing.assert_allclose(shown(t, t, LAG, delay=0.0537), late - T * (1 - np.exp(-late / T)), rtol=0, atol=1e-13)
+    found = shown(t, t, LAG, delay=0.0537, gain=-2.0, bias=0.5)
+    np.testing.assert_allclose(found, 0.5 - 2.0 * (late - T * (1 - np.exp(-late / T))), rtol=0, atol=1e-13)
 
 
 @pytest.mark.parametrize(
@@ -259,8 +260,9 @@ def test_a_fit_finds_the_damping_of_a_filter_and_refuses_a_bias_walk() -> None:
 ROD = make_scene(fl.Link(name="rod", length=1.0), tip=fl.RigidBody(mass=1.0, inertia=(1, 1, 1)))
 
 
-def test_the_gain_of_a_filtered_sensor_applies_to_its_output() -> None:
+def test_gain_and_bias_of_a_filtered_sensor_apply_to_its_output_in_a_linear_model() -> None:
     sensor = fl.Sensor(name="a", kind="joint", link="rod", low_pass=5.0)
-    scenes = (replace(ROD, sensor=(replace(sensor, gain=gain),)) for gain in (1.0, 3.0))
+    scenes = (replace(ROD, sensor=(replace(sensor, gain=gain, bias=0.7),)) for gain in (1.0, 3.0))
     one, three = (fl.linearize(fl.lump(ROD), [0.2], outputs=[fl.small_motion.SensorOutputs(scene)]) for scene in scenes)
     np.testing.assert_allclose(three.C, 3 * one.C, rtol=1e-14)
+    assert three.y[0] == pytest.approx(3.0 * 0.2 + 0.7, abs=1e-14)

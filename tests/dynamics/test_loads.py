@@ -6,7 +6,6 @@ from scipy.spatial.transform import Rotation
 
 import flexlink as fl
 from flexlink.chain.coordinates import Kind
-from flexlink.dynamics.placement import hinge_bodies
 from tests.conftest import ALUMINIUM, SQUARE, flexible, make_scene, nasty_scene, random_state
 from tests.support.words import refused
 from validation.random_arms import random_arm, random_tree
@@ -200,10 +199,6 @@ def test_an_accelerometer_reads_minus_gravity_at_rest_and_zero_in_free_fall() ->
     fall = fl.point_motion(chain, still, still, qdd, point=(1.0, 0.0, 0.0))
     assert np.abs(fall.accelerometer).max() <= 1e-15 * 9.81
     assert fall.acceleration == pytest.approx(chain.gravity, rel=1e-15)
-
-
-def test_chain_body_gives_the_body_of_each_joint(chain: fl.Chain) -> None:
-    assert [chain.body(name) for name in chain.joint_names] == hinge_bodies(chain).tolist()
 
 
 def test_loads_along_a_run_use_the_accelerations_of_the_run() -> None:

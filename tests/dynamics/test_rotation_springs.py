@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 from mpmath import mp
 from numpy.lib import recfunctions
-from scipy import integrate, linalg, optimize
+from scipy import integrate, optimize
 
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.dynamics import rounding
-from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.engines import load, load_here
 from flexlink.engines.base import ForeignFile
@@ -25,17 +24,12 @@ from flexlink.formats.small_mass import with_small_mass
 from flexlink.kernels.forces.rotation_tangent import excess_stiffness
 from tests.campaigns.random_code import potential
 from tests.conftest import ALUMINIUM, ROOT, SQUARE, chain_of, flexible, make_scene
+from tests.matrix.case import close, difference
 from tests.support.words import refused, reviewed
 from validation.physics.hinge_sweep import order
 
 EPS = np.finfo(float).eps
 DAMPED = fl.Damping(ratio=0.02, at_hz=10.0)
-RULES = ["gauss_rotation", "lobatto2_rotation", "cells of 3"]
-RUNS = {
-    "RK4": {"run.method": "RK4", "run.step": 1e-6, "run.duration": 1e-3, "run.sample": 2e-4},
-    "Radau5": {"run.method": "Radau5", "run.relative_tolerance": 1e-6, "run.duration": 0.04, "run.sample": 0.01},
-    "Gauss4": {"run.method": "Gauss4", "run.step": 1e-4, "run.duration": 0.01, "run.sample": 5e-3},
-}
 
 
 def arm(rule: str, folder: Path | None = None, **fields: object) -> fl.Scene:
@@ -107,15 +101,14 @@ def test_torques_are_the_gradient_of_the_potential_to_40_digits(rule: str, size:
     assert (bound <= 1e-11 * np.abs(chain.stiffness).max() * size).all(), "no spring is outside a cell or a triple"
 
 
-def test_torques_are_the_gradient_of_the_energy_of_larger_cells(tmp_path: Path) -> None:
-    """Fourth-order differences with a step of 1e-3 rad have errors of 1e-12 by truncation and 1e3 eps by rounding."""
+def test_torques_and_stiffness_of_larger_cells_are_derivatives_of_their_energy(tmp_path: Path) -> None:
     chain = fl.lump(arm("cells of 3", tmp_path))
-    q, _, _ = state(chain)
-    torque, h, weights = fl.elastic_torque(chain, q), 1e-3, {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
-    for k in range(chain.n):
-        step = np.eye(chain.n)[k] * h
-        wanted = sum(w * fl.energy(chain, q + s * step, 0 * q).elastic for s, w in weights.items()) / h
-        assert abs(torque[k] - wanted) <= 1e-11 * np.abs(torque).max()
+    (q, _, _), zero, I = state(chain), np.zeros(chain.n), np.eye(chain.n)
+    torques = [difference(lambda h, e=e: fl.energy(chain, q + h * e, zero).elastic) for e in I]
+    close(fl.elastic_torque(chain, q), torques, 1e-11)
+    K = stiffness_matrix(chain.with_numbers(gravity=np.zeros(3)), q, zero, np.zeros(6))
+    assert np.abs(K - K.T).max() <= 20 * EPS * np.abs(K).max()
+    close(K, np.array([difference(lambda h, e=e: fl.elastic_torque(chain, q + h * e)) for e in I]).T, 1e-11)
 
 
 def test_rotation_springs_are_slack_at_their_rest_angles() -> None:
@@ -174,25 +167,6 @@ def test_only_triples_of_three_axes_have_rotation_springs() -> None:
 # The algorithms.
 
 
-@pytest.mark.parametrize("rule", RULES)
-def test_the_derivative_of_torques_is_symmetric_and_equals_differences(rule: str, tmp_path: Path) -> None:
-    """Fourth-order differences with a step of 1e-3 rad have errors of 1e-12 by truncation and 1e3 eps by rounding."""
-    chain = fl.lump(arm(rule, tmp_path))
-    q, _, _ = state(chain)
-    K = chain.matrix("stiffness")
-    blocks, hinges, values = excess_stiffness(chain.bodies, chain.hinges, chain.couplings, q)
-    for (t, u), block in zip(blocks, values, strict=True):
-        K[np.ix_(hinges[t], hinges[u])] += block
-        if t != u:
-            K[np.ix_(hinges[u], hinges[t])] += block.T
-    assert np.abs(K - K.T).max() <= 20 * EPS * np.abs(K).max()
-    h, weights = 1e-3, {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
-    for k in range(chain.n):
-        step = np.eye(chain.n)[k] * h
-        wanted = sum(w * fl.elastic_torque(chain, q + s * step) for s, w in weights.items()) / h
-        assert np.abs(K[:, k] - wanted).max() <= 1e-11 * np.abs(K).max()
-
-
 @pytest.mark.parametrize("size", [1e-6, 0.3, 0.6, 3.0])
 def test_the_derivative_is_exact_at_any_rotation_of_a_triple(size: float) -> None:
     """|φ| is on both sides of 0.5 rad, the limit of the series, and beyond half a turn."""
@@ -208,29 +182,6 @@ def test_the_derivative_is_exact_at_any_rotation_of_a_triple(size: float) -> Non
         torques = [fl.elastic_torque(chain, q + s * step) for s in (-2, -1, 1, 2)]
         wanted = (torques[0] - 8 * torques[1] + 8 * torques[2] - torques[3]) / (12 * h)
         assert np.abs(K[:, k] - wanted).max() <= 1e-10 * np.abs(K).max()
-
-
-def bent(rule: str, folder: Path | None = None) -> fl.Scene:
-    """The arm, released from a posture in which rotation springs give a large part of the torques."""
-    scene = arm(rule, folder)
-    return scene.varied({"initial.q": tuple(np.array([0.1, -0.15, 0.2])[fl.lump(scene).hinges["axis"]].tolist())})
-
-
-@pytest.mark.parametrize("method", ["Radau5", "Gauss4"])
-def test_coupled_springs_and_dampers_balance_energy_in_implicit_steps(method: str) -> None:
-    run = fl.simulate(bent("lobatto2_rotation").varied({"run": {"duration": 1.0}}).varied(RUNS[method]))
-    moved = np.ptp(run.energy.gravity) + np.ptp(run.energy.kinetic)
-    assert np.abs(run.imbalance).max() <= 1e-5 * moved
-    assert run.energy.elastic[-1] > 1e-4 * moved
-
-
-@pytest.mark.parametrize("rule", ["gauss_rotation", "lobatto2_rotation"])
-def test_runs_in_simd_lanes_equal_single_runs(rule: str) -> None:
-    scene = bent(rule).varied(RUNS["RK4"])
-    scenes = [scene.varied({"material.aluminium.young": young}) for young in np.linspace(6e10, 8e10, 9).tolist()]
-    scenes[4] = scenes[4].varied({"link.upper.lumping": rule.removesuffix("_rotation")})
-    for many, one in zip(fl.simulate_many(scenes), scenes, strict=True):
-        np.testing.assert_array_equal(many.q, fl.simulate(one).q)
 
 
 def test_a_run_saved_by_an_older_version_has_springs_of_angles(tmp_path: Path) -> None:
@@ -334,28 +285,6 @@ def test_a_cantilever_under_a_skew_dead_force_converges_to_the_elastic_rod() -> 
     assert max(turned[n] / angles[n] for n in angles) <= 1 / 8
     assert order(errors("lobatto2_rotation", 4, 8, 16, 32)) > 3.8
     assert order({n: bends[n] for n in (8, 16, 32)}) > 1.9
-
-
-def test_small_motion_about_a_bent_configuration_agrees_with_the_matrices() -> None:
-    """The tangent stiffness K, eliminated in O(n) with its blocks, agrees with derivatives of q̈."""
-    chain = fl.lump(skew_scene("lobatto2_rotation", 8))
-    wrench = np.array([*FORCE, 0.0, 0.0, 0.0])
-    q = fl.solve_static(chain, tip_wrench=wrench).q
-    still, M = np.zeros(chain.n), fl.mass_matrix(chain, q)
-    K = stiffness_matrix(chain, q, still, wrench)
-    slopes = fl.forward_dynamics_derivatives(chain, q, still, still, tip_wrench=wrench)
-    assert np.abs(M @ slopes.dq + K).max() <= 1e-9 * np.abs(K).max()
-    motion = SmallMotion(chain, 0.5 * q, still, wrench, False, np.arange(chain.n))
-    motion.set_position(q)
-    x = np.random.default_rng(0).normal(size=(2, chain.n))
-    assert motion.times(K_ALONE, x) == pytest.approx(x @ K, abs=1e-12 * np.abs(K).max())
-    ones = np.ones(chain.n)
-    assert motion.eliminate(K_ALONE, ones, ones) == 0
-    found = motion.solve(x)[0]
-    assert found @ K == pytest.approx(x, abs=1e-10 * np.abs(x).max())
-    squares = np.sort(linalg.eigvalsh((K + K.T) / 2, M))
-    found = fl.natural_frequencies(chain, q, tip_wrench=wrench)
-    assert found[:6] == pytest.approx(np.sqrt(squares[:6]), rel=1e-8)
 
 
 # Files and engines.

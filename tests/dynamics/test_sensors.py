@@ -7,13 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy import signal
 from scipy.spatial.transform import Rotation
 
 import flexlink as fl
 from flexlink.data.measured import read_measured
 from flexlink.describe.sensor import Sensor
-from flexlink.dynamics.filters import linear_filter
 from flexlink.dynamics.notes import notes
 from flexlink.dynamics.sensors.instrument import Instrument, Signal, coarse_samples, noise
 from flexlink.dynamics.sensors.signals import signal_of, slopes_of
@@ -70,46 +68,25 @@ def test_a_gauge_on_a_loaded_beam_shows_its_moment(lumping: str, x: float) -> No
     """ε = M y / (E I): the moment of a load at the tip is linear along a beam that hardly bends."""
     gauge = Sensor(name="gauge", kind="strain", link="beam", x=x, fibre=(WIDTH / 2, 0.0), gain=1e6, unit="µm/m")
     scene = cantilever(gauge, lumping=lumping).varied({"material.aluminium.young": 70e18})
-    force, second = 20.0, SQUARE.properties.i_z
-    expected = 1e6 * force * (LENGTH - x) * WIDTH / 2 / (70e18 * second)
+    expected = 1e6 * 20.0 * (LENGTH - x) * WIDTH / 2 / (70e18 * SQUARE.properties.i_z)
     assert fl.simulate(scene).columns["gauge [µm/m]"][0] == pytest.approx(expected, rel=1e-10)
 
 
-def hummed(t: np.ndarray) -> np.ndarray:
-    return np.column_stack([np.sin(30 * t) + 0.3 * np.cos(200 * t), t**2])
-
-
-@pytest.mark.parametrize("order", range(1, 9))
-def test_a_low_pass_filter_agrees_with_an_exact_simulation(order: int) -> None:
-    """SciPy's lsim is also exact for a signal that is linear between samples."""
-    t = np.linspace(0.0, 0.5, 251)
-    sensor = Sensor(name="s", kind="joint", link=1, low_pass=40.0, order=order)
-    instrument = Instrument(sensor, 0.002)
-    instrument.signal.add(t, hummed(t)[:, :1])
-    exact = signal.ZerosPolesGain(*signal.butter(order, 2 * np.pi * 40.0, analog=True, output="zpk")).to_ss()
-    u = hummed(t)[:, 0]
-    _, y, _ = signal.lsim(exact, u - u[0], t)
-    np.testing.assert_allclose(instrument.readings(t)[:, 0], y + u[0], rtol=0, atol=1e-10)
+@pytest.mark.parametrize(("segments", "x"), [(5, 0.2), (7, 0.2), (7, 0.47), (7, 0.8)])
+def test_from_three_hinges_on_the_strain_of_a_uniform_load_is_a_parabola(segments: int, x: float) -> None:
+    """ε = ρ A g (L − x)² / 2 · y / (E I), which linear interpolation between two hinges would miss."""
+    gauge = Sensor(name="gauge", kind="strain", link="beam", x=x, fibre=(WIDTH / 2, 0.0))
+    weight = {"wrench": None, "gravity": (0, -9.81, 0), "material.aluminium.young": 7e19}
+    moment = 2700.0 * WIDTH**2 * 9.81 * (LENGTH - x) ** 2 / 2
+    expected = moment * WIDTH / 2 / (7e19 * SQUARE.properties.i_z)
+    found = fl.simulate(cantilever(gauge, segments=segments).varied(weight)).columns["gauge [1]"][0]
+    assert found == pytest.approx(expected, rel=1e-9, abs=0.0)
 
 
 def shown(t: np.ndarray, u: np.ndarray, times: np.ndarray | None = None, **fields: object) -> np.ndarray:
     instrument = Instrument(Sensor(**{"name": "s", "kind": "joint", "link": 1} | fields), 0.01)
     instrument.signal.add(t, u[:, None])
     return instrument.readings(t if times is None else times)[:, 0]
-
-
-def test_delay_gain_and_bias_are_applied_to_the_signal() -> None:
-    t = np.arange(0.0, 1.0, 0.01)
-    later = np.maximum(t - 0.123, 0.0)
-    np.testing.assert_allclose(shown(t, 3 * t, delay=0.123, gain=-2.0, bias=0.5), 0.5 - 6 * later, rtol=0, atol=1e-12)
-
-
-def test_a_delay_after_a_low_pass_filter_is_exact_between_samples() -> None:
-    """For a ramp u = t that starts at 0, a first-order low-pass filter lags by its time constant."""
-    t, T = np.arange(0.0, 1.0, 0.01), 1 / (2 * np.pi * 5.0)
-    late = np.maximum(t - 0.0537, 0.0)
-    found = shown(t, t, delay=0.0537, low_pass=5.0)
-    np.testing.assert_allclose(found, late - T * (1 - np.exp(-late / T)), rtol=0, atol=1e-13)
 
 
 def test_readings_are_held_between_instants_and_rounded() -> None:
@@ -273,36 +250,6 @@ def test_a_linear_model_has_sensors_as_outputs_next_to_a_moving_state(rng: np.ra
     assert len(model.y) == len(model.outputs) == len(outputs[0].sensors) + 2 + 3
 
 
-def test_filters_of_a_linear_model_agree_with_the_instruments() -> None:
-    """Response to a unit step of the signal, by SciPy and by the instrument."""
-    t = np.linspace(0, 0.3, 61)
-    for order in (1, 2, 5):
-        A, B, C, D = linear_filter(Sensor(name="s", kind="joint", link=1, low_pass=20.0, order=order).filters)
-        _, y = signal.step(signal.StateSpace(A, B[:, None], C[None], [[D]]), T=t)
-        steep = np.concatenate([[-1e-12], t])
-        own = shown(steep, np.where(steep < 0, 0.0, 1.0), t, low_pass=20.0, order=order)
-        np.testing.assert_allclose(y, own, rtol=0, atol=1e-9)
-
-
-def test_readings_of_a_simulator_equal_the_columns_of_a_run() -> None:
-    drive = fl.Drive(kind="pd", kp=(300.0, 300.0), kd=(30.0, 30.0), target_deg=(10.0, 20.0))
-    noisy = {"sensor.gauge.noise": 3.0, "sensor.gyro.rate": 50.0, "sensor.encoder.resolution": 1e-3}
-    scene = two_links(drive=drive).varied(
-        {"run.step": 1e-3, "run.sample": 0.01, "run.duration": 0.2, "run.method": "Radau5"}
-    )
-    scene = scene.varied(noisy)
-    run, arm = fl.simulate(scene), fl.Simulator(scene)
-    rows = [arm.readings]
-    while arm.time < 0.2 - 1e-9:
-        arm.step()
-        rows.append(arm.readings)
-    for name in run.sensor_names:
-        column = run.columns[name]
-        np.testing.assert_allclose([row[name] for row in rows], column, rtol=0, atol=1e-10 * np.abs(column).max())
-    arm.reset()
-    assert arm.readings == rows[0]
-
-
 def test_a_law_receives_the_readings_of_sensors() -> None:
     scene = two_links().varied({"run.step": 1e-3, "run.sample": 0.01, "run.duration": 0.1, "run.method": "Radau5"})
     received = []
@@ -414,17 +361,6 @@ def test_a_gauge_on_few_hinges_is_doubted(segments: int, doubted: bool) -> None:
     assert found == ["few-hinges"] * doubted
 
 
-def test_the_strain_of_a_uniform_load_is_exact_from_three_hinges_on() -> None:
-    """ε = ρ A g (L − x)² / 2 · y / (E I)."""
-    gauge = Sensor(name="gauge", kind="strain", link="beam", x=0.2, fibre=(WIDTH / 2, 0.0))
-    scene = cantilever(gauge, segments=5).varied(
-        {"wrench": None, "gravity": (0, -9.81, 0), "material.aluminium.young": 7e19}
-    )
-    moment = 2700.0 * WIDTH**2 * 9.81 * (LENGTH - 0.2) ** 2 / 2
-    expected = moment * WIDTH / 2 / (7e19 * SQUARE.properties.i_z)
-    assert fl.simulate(scene).columns["gauge [1]"][0] == pytest.approx(expected, rel=1e-9, abs=0.0)
-
-
 def test_reading_sensors_does_not_change_the_run() -> None:
     """The torques of a sampled drive also stay the same."""
     drive = fl.Drive(kind="pd", kp=(30.0, 30.0), kd=(3.0, 3.0), target_deg=(10.0, 20.0), rate=200.0)
@@ -438,8 +374,7 @@ def test_reading_sensors_does_not_change_the_run() -> None:
     np.testing.assert_array_equal(fl.simulate(seen).q, fl.simulate(unseen).q)
 
 
-def test_a_simulator_measures_prescribed_joints_and_free_bases(models: Path) -> None:
-    """This covers the torque of a prescribed motion, and an attitude whose reference changes during the run."""
+def simulated(models: Path) -> dict[str, fl.Scene]:
     steps = {"run.step": 2e-3, "run.method": "Radau5", "run.sample": 0.05, "run.tolerance": None}
     satellite = fl.load_scene(models / "satellite.toml").varied(
         {**steps, "run.duration": 0.5, "initial.base.spin_deg": (200.0, 50.0, 30.0)}
@@ -448,16 +383,32 @@ def test_a_simulator_measures_prescribed_joints_and_free_bases(models: Path) -> 
     imu = Sensor(name="imu", kind="accelerometer", link=satellite.arm.links[-1].name)
     motion = fl.PrescribedMotion(link="upper", times=(0.0, 0.5), angle_deg=(0.0, 30.0), rate_deg=(0.0, 0.0),
                                  acceleration_deg=(0.0, 0.0))  # fmt: skip
-    moved = two_links(motion=(motion,)).varied({**steps, "run.duration": 0.2})
-    for scene in (satellite.varied({"sensor": (gyro, imu)}), moved):
-        run, arm = fl.simulate(scene), fl.Simulator(scene)
-        rows = [arm.readings]
-        for _ in run.t[1:]:
-            arm.step()
-            rows.append(arm.readings)
-        for name in run.sensor_names:
-            column = run.columns[name]
-            np.testing.assert_allclose([row[name] for row in rows], column, rtol=0, atol=1e-9 * np.abs(column).max())
+    drive = fl.Drive(kind="pd", kp=(300.0, 300.0), kd=(30.0, 30.0), target_deg=(10.0, 20.0))
+    noisy = {"sensor.gauge.noise": 3.0, "sensor.gyro.rate": 50.0, "sensor.encoder.resolution": 1e-3}
+    return {
+        "free base": satellite.varied({"sensor": (gyro, imu)}),
+        "motion": two_links(motion=(motion,)).varied({**steps, "run.duration": 0.2}),
+        "drive": two_links(drive=drive).varied(
+            {**steps, "run.step": 1e-3, "run.sample": 0.01, "run.duration": 0.2, **noisy}
+        ),
+    }
+
+
+@pytest.mark.parametrize("name", ["free base", "motion", "drive"])
+def test_readings_of_a_simulator_equal_the_columns_of_a_run(name: str, models: Path) -> None:
+    """This covers the torque of a prescribed motion, and an attitude whose reference changes during the run."""
+    scene = simulated(models)[name]
+    run, arm = fl.simulate(scene), fl.Simulator(scene)
+    rows = [arm.readings]
+    for _ in run.t[1:]:
+        arm.step()
+        rows.append(arm.readings)
+    for column_name in run.sensor_names:
+        column = run.columns[column_name]
+        seen = [row[column_name] for row in rows]
+        np.testing.assert_allclose(seen, column, rtol=0, atol=1e-9 * np.abs(column).max())
+    arm.reset()
+    assert arm.readings == rows[0]
 
 
 STILL = fl.RunSettings(duration=0.0, sample=0.01)
@@ -505,20 +456,6 @@ def test_at_a_hinge_a_sensor_sits_on_the_outer_segment(rng: np.random.Generator)
     np.testing.assert_allclose(seen, np.cumsum(qd)[1:], atol=1e-13)
 
 
-@pytest.mark.parametrize("x", [0.2, 0.47, 0.8])
-def test_between_hinges_the_strain_of_a_uniform_load_is_a_parabola(x: float) -> None:
-    """ε = ρ A g (L − x)² / 2 · y / (E I), which linear interpolation between two hinges would miss."""
-    length, width, young = 1.25, 0.04, 7e19
-    beam = flexible("beam", lumping="gauss", segments=7, joint=fl.Joint(locked=True))
-    gauge = Sensor(name="gauge", kind="strain", link="beam", x=x, fibre=(width / 2, 0.0))
-    scene = make_scene(
-        beam, gravity=(0, -9.81, 0), initial=fl.InitialState(passive="static"), sensor=(gauge,), run=STILL
-    ).varied({"material.aluminium.young": young})
-    moment = 2700.0 * width**2 * 9.81 * (length - x) ** 2 / 2
-    expected = moment * width / 2 / (young * SQUARE.properties.i_z)
-    assert fl.simulate(scene).columns["gauge [1]"][0] == pytest.approx(expected, rel=1e-9, abs=0.0)
-
-
 def test_bending_about_both_axes_strains_a_beam_with_a_rigidity_table() -> None:
     """ε = z κ_y − y κ_z: a rigidity table with the values of a section gives the strains of that section."""
     area, second = 0.04**2, SQUARE.properties.i_z
@@ -541,14 +478,6 @@ def test_a_second_sample_at_the_same_time_replaces_the_first() -> None:
     signal.add(np.array([2.0]), np.array([[5.0]]))
     assert signal.count == 3
     np.testing.assert_array_equal(signal.at(np.array([1.0, 1.5, 2.0]))[:, 0], [1.0, 3.0, 5.0])
-
-
-def test_a_linear_model_shows_gain_times_signal_plus_bias() -> None:
-    scene = make_scene(flexible("a"), sensor=(Sensor(name="encoder", kind="joint", link="a", gain=3.0, bias=0.7),))
-    q = np.zeros(fl.lump(scene).n)
-    q[0] = 0.2
-    model = fl.linearize(fl.lump(scene), q, outputs=(fl.small_motion.SensorOutputs(scene),))
-    assert model.y[0] == pytest.approx(3.0 * 0.2 + 0.7, abs=1e-14)
 
 
 @pytest.mark.parametrize("blur", [{"noise": 1e3}, {"resolution": 50.0}])

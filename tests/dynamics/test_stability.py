@@ -112,14 +112,16 @@ def test_the_order_n_algorithm_for_long_chains_gives_the_same_step(flex, damping
 def dense(chain: fl.Chain, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """λ of all modes, ω² of K φ = ω² M φ and δ of D φ = δ M φ, by LAPACK; gravity is off."""
     n, M = chain.n, fl.mass_matrix(chain, q)
-    K, D = np.diag(chain.stiffness), np.diag(chain.damping)
+    K, D = chain.matrix("stiffness"), chain.matrix("damping")
     A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]])
     return linalg.eigvals(A), *(linalg.eigh(part, M, eigvals_only=True) for part in (K, D))  # type: ignore[return-value]
 
 
 def weightless_pair(flex: str, damping: fl.Damping | None) -> tuple[fl.Chain, np.ndarray]:
-    scene = make_scene(*[flexible(name, flex, 6, damping=damping) for name in "ab"], gravity=(0.0, 0.0, 0.0))
-    chain = fl.lump(scene)
+    """Two links that bend about these axes; "cells" are in a plane and have coupled springs."""
+    rule = {"lumping": "lobatto4", "segments": 5} if flex == "cells" else {"segments": 6}
+    links = [flexible(name, flex.replace("cells", "z"), damping=damping, **rule) for name in "ab"]
+    chain = fl.lump(make_scene(*links, gravity=(0.0, 0.0, 0.0)))
     return chain, np.linspace(0.1, 0.2, chain.n)
 
 
@@ -127,7 +129,7 @@ STRENGTHS = [None, fl.Damping(ratio=1e-4, at_hz=5.0), fl.Damping(ratio=0.05, at_
 
 
 @pytest.mark.parametrize("damping", STRENGTHS, ids=["undamped", "swinging", "creeping"])
-@pytest.mark.parametrize("flex", ["z", "xyz"])
+@pytest.mark.parametrize("flex", ["z", "xyz", "cells"])
 def test_the_largest_frequency_equals_the_largest_of_all_eigenvalues(flex, damping) -> None:
     chain, q = weightless_pair(flex, damping)
     λ, _, _ = dense(chain, q)
@@ -135,7 +137,7 @@ def test_the_largest_frequency_equals_the_largest_of_all_eigenvalues(flex, dampi
 
 
 @pytest.mark.parametrize("damping", STRENGTHS, ids=["undamped", "swinging", "creeping"])
-@pytest.mark.parametrize("flex", ["z", "xyz"])
+@pytest.mark.parametrize("flex", ["z", "xyz", "cells"])
 def test_estimates_for_long_chains_include_the_largest_stiffness_and_damping(flex, damping, monkeypatch) -> None:
     """Each of the two is checked separately, within 1e-4 by Lanczos, because only one of them limits the step."""
     chain, q = weightless_pair(flex, damping)
@@ -151,7 +153,7 @@ UNLOADED = {"tip_wrench": np.zeros(6), "frame": "world"}
 
 @pytest.mark.parametrize("turning", [0.0, 30.0])
 @pytest.mark.parametrize("damping", STRENGTHS, ids=["undamped", "swinging", "creeping"])
-@pytest.mark.parametrize("flex", ["z", "xyz"])
+@pytest.mark.parametrize("flex", ["z", "xyz", "cells"])
 def test_no_eigenvalue_exceeds_the_bound_and_the_bound_is_not_too_wide(flex, damping, turning: float) -> None:
     """The Frobenius norm is at most √n times the largest eigenvalue; for an undamped chain, ω = √ω² gives √√n."""
     chain, q = weightless_pair(flex, damping)

@@ -85,14 +85,6 @@ def test_the_stability_limit_of_a_theta_method_matches_its_closed_form() -> None
     np.testing.assert_allclose(stable_reach(THETA, np.array([1j, -1.0])), [y, x], rtol=1e-9)
 
 
-@pytest.mark.parametrize(("name", "limit"), {"RK4": 2.785293563, "DOP853": 6.393646}.items())
-def test_the_real_stability_limit_of_explicit_methods_is_where_r_exceeds_one(name: str, limit: float) -> None:
-    reach = stable_reach(method(name), np.array([-1.0 + 0j]))[0]
-    assert reach == pytest.approx(limit, rel=1e-5)
-    inside = stability_function(method(name), np.linspace(0, reach, 1001) * (-1.0 + 0j))
-    assert np.abs(inside).max() <= 1 + 1.01 * g
-
-
 @pytest.mark.parametrize("name", ["RK2", "RK3", "RK4", "RK10", "DOPRI5", "DOP853"])
 def test_the_stable_half_disc_is_stable_and_the_largest_possible(name: str) -> None:
     r = stable_half_disc(method(name))

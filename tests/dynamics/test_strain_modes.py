@@ -18,11 +18,9 @@ from tests.conftest import flexible, make_scene
 from tests.support.words import line, refused
 from validation.oracles.common_origin import CommonOrigin
 from validation.physics.formulas import INPUTS
-from validation.random_arms import random_arm, random_tree
 from validation.reference_values import reference_array
 
 ROOT = Path(__file__).parents[2]
-EPS = np.finfo(float).eps
 
 
 def with_modes(scene: fl.Scene, count: int, *, segments: int | None = None, **changes: Any) -> fl.Scene:
@@ -54,30 +52,6 @@ def possible(chain: fl.Chain, seed: int) -> tuple[np.ndarray, np.ndarray]:
     rng, Φ = np.random.default_rng(seed), chain.shapes.matrix
     bend = 0.3 / np.maximum(1.0, np.abs(Φ).sum(axis=0))
     return chain.rest + Φ @ (bend * rng.normal(size=chain.freedoms)), Φ @ rng.normal(size=chain.freedoms)
-
-
-def random_shaped(seed: int) -> fl.Chain:
-    """Chain of a random arm or tree with one to three modes in each link that bends."""
-    scene = random_arm(seed) if seed % 3 else random_tree(seed)
-    return fl.lump(with_modes(scene, 1 + seed % 3, **{"initial.q": None, "initial.qd": None}))
-
-
-@pytest.mark.parametrize("seed", range(1, 41))
-def test_the_equation_of_motion_holds_along_every_shape(seed: int) -> None:
-    chain = random_shaped(seed)
-    if chain.shapes is None:
-        pytest.skip("no link bends")
-    q, qd = possible(chain, seed)
-    tau = np.random.default_rng(seed).normal(size=chain.n)
-    qdd = fl.forward_dynamics(chain, q, qd, tau)
-    left = fl.inverse_dynamics(chain, q, qd, qdd) + fl.elastic_torque(chain, q) - tau
-    left += fl.friction_torque(chain, qd) + fl.drag_torque(chain, q, qd)
-    Φ = chain.shapes.matrix
-    allowed = np.abs(Φ).sum(axis=0) * rounding.of_residual(chain, q, qd, qdd, tau)
-    moves = ~(Φ[chain.hinges["prescribed"] != 0] != 0).any(axis=0)
-    assert (np.abs(Φ.T @ left) <= allowed)[moves].all()
-    beside = qdd - Φ @ np.linalg.lstsq(Φ, qdd)[0]
-    assert np.abs(beside).max() <= 100 * EPS * np.abs(qdd).max()
 
 
 @pytest.mark.parametrize("seed", [4, 7, 10, 13])

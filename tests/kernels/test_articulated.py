@@ -6,12 +6,9 @@ import mpmath
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from flexlink import (
     Chain,
-    InitialState,
     Joint,
     Link,
     Mount,
@@ -33,6 +30,7 @@ from flexlink.kernels.tools.lanes import LANES, put_at
 from flexlink.kernels.tools.sincos import LIMIT, cos_sin_all
 from tests.conftest import compiled, flexible, make_scene, random_state
 from validation.oracles import spatial_chain
+from validation.random_arms import random_arm, random_tree
 
 SKEW = Mount(rpy_deg=(-75.0, 20.0, 30.0), xyz=(0.1, -0.2, 0.3))
 ROTOR = Joint(viscous=0.3, coulomb=0.7, armature=0.4)
@@ -56,10 +54,6 @@ def assert_as_lu(chain: Chain, rng: np.random.Generator, states: int = 5) -> Non
             )
 
 
-def test_accelerations_of_every_model_agree_with_lu(chain: Chain, rng: np.random.Generator) -> None:
-    assert_as_lu(chain, rng)
-
-
 @pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
 @pytest.mark.parametrize("segments", [2, 3, 10])
 @pytest.mark.parametrize("mount", [Mount(rpy_deg=(-90.0, 0.0, 0.0)), SKEW])
@@ -67,17 +61,6 @@ def test_accelerations_of_every_model_agree_with_lu(chain: Chain, rng: np.random
 def test_two_flexible_links_agree_with_lu(flex: str, segments: int, mount: Mount, joint: Joint, rng) -> None:
     links = flexible("upper", flex, segments, mount=mount, joint=joint), flexible("fore", flex, segments, joint=joint)
     assert_as_lu(lump(make_scene(*links, gravity=(3.0, -4.0, 8.0))), rng)
-
-
-def test_payloads_locked_joints_and_zero_length_links_agree_with_lu(rng: np.random.Generator) -> None:
-    links = (
-        Link(name="waist", joint=ROTOR),
-        Link(name="shoulder", mount=Mount(rpy_deg=(90.0, 0.0, 0.0))),
-        flexible("upper", "xyz", 4, joint=Joint(locked=True), mount=SKEW),
-        flexible("fore", "yz", 3, lumping="midpoint"),
-    )
-    tip = RigidBody(mass=2.0, inertia=(0.1, 0.2, 0.3))
-    assert_as_lu(lump(make_scene(*links, tip=tip, initial=InitialState(joint_deg=(0.0, 0.0, 40.0, 0.0)))), rng)
 
 
 def test_rotors_and_friction_on_passive_hinges_agree_with_lu(rng: np.random.Generator) -> None:
@@ -289,34 +272,11 @@ def test_accelerations_with_a_fixed_body_within_the_chain_agree_with_lu(rng: np.
     assert_as_lu(dataclasses.replace(chain, bodies=bodies), rng)
 
 
-ANGLES = st.tuples(*[st.sampled_from([0.0, 90.0, -90.0, 180.0]) | st.floats(-180, 180)] * 3)
-LINKS = st.builds(
-    lambda flex, segments, angles, offset, armature, length: (flex, segments, angles, offset, armature, length),
-    st.sampled_from(["rigid", "z", "yz", "xyz"]),
-    st.integers(2, 5),
-    ANGLES,
-    st.tuples(*[st.floats(-0.5, 0.5)] * 3),
-    st.sampled_from([0.0, 0.05]),
-    st.floats(0.3, 2.0),
-)
-
-
 @compiled
-@given(st.lists(LINKS, min_size=1, max_size=4), st.integers(0, 2**32 - 1))
-@settings(max_examples=40)
-def test_random_arms_agree_with_lu(specs: list[tuple], seed: int) -> None:
-    links = [
-        flexible(
-            f"link{k}",
-            flex,
-            segments if flex != "rigid" else 1,
-            length=length,
-            mount=Mount(rpy_deg=angles, xyz=offset),
-            joint=Joint(armature=armature, viscous=0.1),
-        )
-        for k, (flex, segments, angles, offset, armature, length) in enumerate(specs)
-    ]
-    assert_as_lu(lump(make_scene(*links)), np.random.default_rng(seed), states=2)
+@pytest.mark.parametrize("make", [random_arm, random_tree])
+@pytest.mark.parametrize("seed", range(20))
+def test_random_arms_and_trees_agree_with_lu(make, seed: int) -> None:
+    assert_as_lu(lump(make(seed)), np.random.default_rng(seed), states=2)
 
 
 PLANAR = {

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from flexlink import Arm, Chain, Joint, Link, Material, RigidBody, Section
-from tests.conftest import chain_of
+from flexlink import Arm, Chain, Joint, Link, Material, Mount, RigidBody, Scene, Section
+from tests.conftest import chain_of, flexible, make_scene
 
 THIN = 1e-16
 """Second moment of area I so small that rotary inertia is negligible against ρ A L²; E = 1/I gives EI = 1."""
@@ -54,16 +54,15 @@ def torsion_bar(rule: str, hinges: int, tip_inertia: float = 0.0) -> tuple[Chain
     return chain, [k for k, c in enumerate(chain.coordinates) if c.axis != 1]
 
 
-def princeton_beam(rule: str, hinges: int) -> Chain:
-    """Return the Princeton beam: 508 × 12.3777 × 3.2024 mm, height along y, aluminium 7075, without gravity."""
-    arm = Arm(
-        links=(
-            Link(
-                name="beam", length=0.508, flex="xyz", material="al7075", section="strip", segments=hinges + 1,
-                lumping=rule, joint=Joint(locked=True),
-            ),
-        ),
-        materials={"al7075": Material(young=71.7e9, poisson=0.31, density=2700.0)},
-        sections={"strip": Section(shape="rectangle", height=12.3777e-3, width=3.2024e-3)},
-    )  # fmt: skip
-    return chain_of(arm, (0.0, 0.0, 0.0))
+def branching(**fields: object) -> Scene:
+    """Two flexible arms on the ground, one on an elastic prismatic joint, the other with a prismatic hand."""
+    belt = Joint(kind="prismatic", axis=(1.0, 0.0, 0.0), viscous=0.5, armature=0.1, gear_stiffness=300.0)
+    out = Joint(kind="prismatic", axis=(0.0, 1.0, 1.0))
+    hand = RigidBody(mass=0.3, inertia=(0.01, 0.01, 0.01))
+    return make_scene(
+        flexible("left", "z", 3, joint=Joint(viscous=0.1), hub=hand),
+        flexible("right", "xyz", 3, on="base", joint=belt, mount=Mount(rpy_deg=(20.0, 30.0, 180.0)), hub=hand),
+        Link(name="hand", on="left", length=0.2, joint=out, hub=hand),
+        gravity=(0.0, 9.81, 1.0),
+        **fields,
+    )
