@@ -38,10 +38,8 @@ LAWS: dict[str, dict[str, Any]] = {
 }
 EFFORT = (25.0, 120.0, 40.0)
 SAMPLED = {"continuous": {}, "sampled": {"rate": 1000.0}}
-LIMITED = {"free": {}, "limited": {"effort": EFFORT}}
 every_law = pytest.mark.parametrize("name", LAWS)
 every_rate = pytest.mark.parametrize("rate", SAMPLED)
-every_limit = pytest.mark.parametrize("limit", LIMITED)
 
 
 def arm(drive: dict[str, Any] | None = None, **changes: object) -> fl.Scene:
@@ -145,19 +143,6 @@ def moved(ref: PiecewisePolynomial, t: float) -> list[np.ndarray]:
     return [np.array([p.deriv(order)(t) for p in columns]) for order in range(3)]
 
 
-@every_limit
-@every_law
-def test_a_sampled_law_agrees_with_the_same_law_in_python(name: str, limit: str) -> None:
-    """Both laws use the same sampling loop; rounding differs by a few ulp of 100 N m at each of 100 samples."""
-    scene = arm({**LAWS[name], **LIMITED[limit], "rate": 1000.0})
-    law = fl.simulate(scene.varied({"drive": {"kind": "none"}}), control=in_python(scene), rate=1000.0)
-    run = fl.simulate(scene)
-    np.testing.assert_allclose(run.q, law.q, rtol=0, atol=1e-11)
-    np.testing.assert_allclose(run.tau, law.tau, rtol=0, atol=1e-8)
-    np.testing.assert_allclose(run.work, law.work, rtol=0, atol=1e-9)
-    assert run.warnings == ()
-
-
 @every_rate
 @every_law
 def test_no_stage_torque_exceeds_the_effort_limit(name: str, rate: str) -> None:
@@ -230,17 +215,6 @@ def test_the_gains_of_a_law_ignore_its_torque_limit() -> None:
     free, held = (gains_of(c, drive_arrays(s, c), 0.0, zero, zero) for c, s in ((chain, scene), (at_limit, limited)))
     np.testing.assert_array_equal(held, free)
     assert np.linalg.norm(free.kp) > 0
-
-
-def test_computed_torque_errors_of_a_rigid_arm_decay_as_its_gains_specify() -> None:
-    """ë + 12 ė + 60 e = 0 in every joint, whatever the posture and the payload."""
-    scene = arm().rigidified().varied({"drive": LAWS["computed torque"], "link.*.joint.coulomb": 0.0,
-                                         "link.*.joint.viscous": 0.0, "run.duration": 1.0})  # fmt: skip
-    run = fl.simulate(scene)
-    ω = np.sqrt(60.0 - 36.0)
-    shape = np.exp(-6.0 * run.t) * (np.cos(ω * run.t) + 6.0 / ω * np.sin(ω * run.t))
-    r = np.radians(TARGET_DEG)
-    np.testing.assert_allclose(run.q, r + np.multiply.outer(shape, run.q[0] - r), rtol=0, atol=1e-9)
 
 
 def test_the_rigid_model_of_an_arm_keeps_mass_gravity_torque_and_driven_joints() -> None:

@@ -295,11 +295,6 @@ def test_dry_friction_that_reverses_within_a_step_is_seen_by_the_error_estimate(
         assert np.abs(run.tip - exact.tip).max() <= 5 * tolerance
 
 
-def test_a_run_without_duration_has_only_its_first_sample() -> None:
-    run = fl.simulate(swinging(**{"run.tolerance": 1e-4, "run.duration": 0.0}))
-    assert run.t.tolist() == [0.0]
-
-
 def test_fixed_implicit_steps_end_at_kinks_of_a_table_and_return_to_their_grid() -> None:
     """A pulse of 2.8 ms is off the grid. Halving the step divides errors by over 8 (by 2 if steps crossed kinks)."""
     torques = (0.0, 0.0), (0.0, 0.0), (900.0, 0.0), (0.0, 0.0)
