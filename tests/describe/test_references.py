@@ -376,15 +376,9 @@ def test_a_shaper_file_is_searched_next_to_the_scene(tmp_path: Path, monkeypatch
         fl.load_scene(tmp_path / "scene.toml")
 
 
-ROD = make_scene(fl.Link(name="rod", length=1.0), tip=fl.RigidBody(mass=1.0, inertia=(1, 1, 1)))
-
-
 def test_a_reference_below_a_lower_limit_is_refused() -> None:
-    drive = {
-        "kind": "pd",
-        "kp": [9.0],
-        "kd": [1.0],
-        "reference": {"profile": "quintic", "to_deg": [-46.0], "duration": 1.0},
-    }
+    rod = make_scene(fl.Link(name="rod", length=1.0), tip=fl.RigidBody(mass=1.0, inertia=(1, 1, 1)))
+    move = {"profile": "quintic", "to_deg": [-46.0], "duration": 1.0}
+    drive = {"kind": "pd", "kp": [9.0], "kd": [1.0], "reference": move}
     with refused(fl.errors.SceneError, "wrench-out-of-reach"):
-        ROD.varied({"link.rod.joint.limits_deg": (-45.0, 90.0), "drive": drive})
+        rod.varied({"link.rod.joint.limits_deg": (-45.0, 90.0), "drive": drive})
