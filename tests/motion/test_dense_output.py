@@ -12,7 +12,6 @@ from scipy.integrate._ivp import dop853_coefficients as published
 import flexlink as fl
 from flexlink.common.errors import SceneError
 from flexlink.describe.schemes.methods import method
-from flexlink.motion import method_steps
 from flexlink.motion.step_workspace import dense_weights
 from tests.campaigns.random_jumps import WRONG, outcome
 from tests.conftest import ROOT, compiled, flexible, make_scene
@@ -89,19 +88,6 @@ def test_a_loose_tolerance_does_not_cost_more_than_a_tight_one() -> None:
     """
     loose, tight = (fl.simulate(struck(tolerance), method="Radau9").steps for tolerance in (1e-2, 3e-3))
     assert loose.evaluations <= tight.evaluations < 320
-
-
-@pytest.mark.slow
-def test_samples_between_steps_have_the_order_of_the_error_estimate() -> None:
-    """Rates have order s + 1, so doubling the step length multiplies errors of samples inside steps by 2^(s + 1)."""
-    scene = struck(1e-3, torque=0.0).varied({"material.aluminium.young": 70e12, "material.aluminium.loss_time": 1e-5})
-    exact = fl.simulate(scene, method="DOP853", tolerance=1e-10, sample=0.01)
-    errors = []
-    for tolerance in (1e-3, 1e-5):
-        run = fl.simulate(scene, method="Radau5", tolerance=tolerance, sample=0.01)
-        errors.append((run.steps.taken, np.abs(run.qd[:, 0] - exact.qd[:, 0]).max()))
-    (few, large), (many, small) = errors
-    assert np.log(large / small) / np.log(many / few) > 3.0
 
 
 @pytest.mark.slow
@@ -212,26 +198,6 @@ def test_every_sample_of_a_spring_is_within_the_tolerance(tolerance: float) -> N
     assert np.abs(run.qd[:, 0] - qd).max() <= 10.0 * tolerance  # [rad/s]; the natural frequency is 10 rad/s
     assert np.abs(run.imbalance).max() <= 5.0 * tolerance  # [J]; the stiffness is 30 N m/rad
     assert not run.warnings
-
-
-def test_errors_inside_steps_are_of_order_8_for_angles_and_rates(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With steps of fixed length h and 40 samples in each, errors scale as h⁸.
-
-    Angle errors accumulate over the steps; rates of order 7 have an error proportional to h⁸ within one step.
-    """
-
-    def largest(step: float) -> tuple[float, float]:
-        def of_this_length(*_: object) -> tuple[float, ...]:
-            return 1e9, 0.0, step, np.inf, 0.05, 8.0, 2.0, 1e-12, step
-
-        monkeypatch.setattr(method_steps, "settings", of_this_length)
-        run = fl.simulate(spring(duration=2.0, sample=step / 40, tolerance=1e-2, unstable="allow"))
-        whole = run.t > 5 * step  # the first steps are shorter than the fixed length
-        q, qd = swing(run.scene, run.t)
-        return np.abs(run.q[:, 0] - q)[whole].max(), np.abs(run.qd[:, 0] - qd)[whole].max()
-
-    coarse, fine = np.array(largest(0.05)), np.array(largest(0.025))
-    assert (np.log2(coarse / fine) > (7.8, 7.6)).all()
 
 
 def test_only_steps_with_an_inner_sample_take_the_extra_stages() -> None:
