@@ -249,12 +249,6 @@ def test_error_messages_mark_a_missing_angle_as_a_default() -> None:
         scene_from(raw)
 
 
-def test_a_prismatic_joint_of_an_imported_robot_is_a_sliding_joint(tmp_path: Path) -> None:
-    path = tmp_path / "slider.urdf"
-    path.write_text(robot("ab", joint("j", "a", "b", LIMIT, kind="prismatic")), encoding="utf-8")
-    assert fl.import_urdf(path).scene.arm.slides == (True,)
-
-
 def test_a_joint_of_an_unsupported_type_is_refused_by_name() -> None:
     with words.refused(fl.errors.ArgumentError, "joint-type-in-file"):
         require_joints([("j", "ball")])

@@ -71,25 +71,6 @@ def test_constant_external_torques_add_no_predicted_cost() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("flex", ["z", "xyz"])
-def test_a_run_takes_about_the_predicted_time(flex: str) -> None:
-    """A factor of three is allowed: the run also checks its samples, and other programs share the caches."""
-    scene = make_scene(flexible("a", flex, 12), initial=fl.InitialState(joint_deg=(30.0,)))
-    chain = fl.lump(scene)
-    step, seconds = fl.stable_step(chain), machine_factor(problem_of(scene)) * step_cost(chain, "RK4")
-    samples, steps = 10, 2000
-    fl.simulate(scene, step=step / 2, sample=step, duration=step)  # compiles the kernels, before the timing
-    started = time.thread_time()
-    fl.simulate(scene, step=step / 2, sample=steps / samples * step / 2, duration=steps * step / 2)
-    taken = time.thread_time() - started
-    # the part that does not depend on the run length, for lumping and checking the step, is subtracted
-    started = time.thread_time()
-    fl.simulate(scene, step=step / 2, sample=step / 2, duration=samples * step / 2)
-    taken -= time.thread_time() - started
-    assert 1 / 3 < taken / steps / seconds < 3
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("name", "tolerance"), [("t3_spatial", 1e-4), ("paper_fig5", 1e-6)])  # a few hundred steps
 def test_an_implicit_step_takes_about_the_predicted_time(models, name: str, tolerance: float) -> None:
     """A factor of four is allowed: two for the number of Newton iterations, times two for other running programs."""

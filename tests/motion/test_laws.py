@@ -56,28 +56,6 @@ def arm(drive: dict[str, Any] | None = None, **changes: object) -> fl.Scene:
     return scene.varied({**run, "drive": drive or {"kind": "none"}, **changes})
 
 
-def in_python(scene: fl.Scene) -> Callable[[float, np.ndarray, np.ndarray], np.ndarray]:
-    """The control law of a scene with constant reference, written in Python."""
-    drive, chain, model = scene.drive, fl.lump(scene), fl.lump(scene.rigidified())
-    a, r = chain.active, np.radians(drive.target_deg)
-    kp, kd = np.array(drive.kp), np.array(drive.kd)
-    at_rest, free = np.zeros(len(a)), np.setdiff1d(np.arange(chain.n), a)
-    bent = np.zeros(chain.n)
-    bent[a] = r
-    bent[free] = fl.solve_static(chain, bent, locked=a.tolist()).q[free]
-    gravity = {
-        "none": at_rest, "rigid": fl.inverse_dynamics(model, r, at_rest, at_rest),
-        "static": fl.inverse_dynamics(chain, bent, np.zeros(chain.n), np.zeros(chain.n))[a],
-    }[drive.gravity]  # fmt: skip
-
-    def law(t: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
-        push = kp * (r - q[a]) - kd * qd[a]
-        tau = push + gravity if drive.kind == "pd" else fl.inverse_dynamics(model, q[a], qd[a], push)
-        return np.clip(tau, *(sign * np.array(drive.effort or np.inf) for sign in (-1, 1)))
-
-    return law
-
-
 def torques(drive: Any, t: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
     tau = np.zeros(len(q))
     drive_torque(drive, t, t, q, qd, tau)
@@ -198,12 +176,12 @@ def test_effort_limits_apply_to_laws_and_external_torques() -> None:
 
 @every_law
 def test_the_gains_of_a_law_are_its_derivatives(name: str, rng: np.random.Generator) -> None:
-    """The gains agree with central differences of the Python formula in random directions, accurate to about 1e-10."""
-    scene = arm(LAWS[name])
-    chain, law = fl.lump(scene), in_python(scene)
+    """The gains agree with central differences of the torques in random directions, accurate to about 1e-10."""
+    chain = fl.lump(scene := arm(LAWS[name]))
+    drive = drive_arrays(scene, chain)
     q, qd, δ, δd = rng.uniform(-1, 1, (4, chain.n))
-    kp, kd = gains_of(chain, drive_arrays(scene, chain), 0.0, q, qd).matrices()
-    ahead, behind = (law(0.0, q + s * 1e-5 * δ, qd + s * 1e-5 * δd) for s in (1, -1))
+    kp, kd = gains_of(chain, drive, 0.0, q, qd).matrices()
+    ahead, behind = (torques(drive, 0.0, q + s * 1e-5 * δ, qd + s * 1e-5 * δd) for s in (1, -1))
     wanted = (ahead - behind) / 2e-5
     np.testing.assert_allclose(-(kp @ δ + kd @ δd)[chain.active], wanted, rtol=0, atol=1e-7 * np.abs(wanted).max())
 
@@ -368,17 +346,6 @@ def test_a_pd_driven_wheel_follows_the_exact_solution(profile: str) -> None:
     jumps = 2 * 60.0 * np.radians(50.0) / 0.3**3 if profile == "shaped" else 0.0
     assert off < 1e-10 + KD * jumps * 1e-3**3 / 48 / np.sqrt(KP * INERTIA)
     assert not run.warnings
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("profile", REFERENCES)
-def test_adaptive_steps_end_at_the_knots_of_a_reference(profile: str) -> None:
-    scene = wheel(REFERENCES[profile], tolerance=1e-6, sample=0.5, duration=1.5)
-    for name in ("auto", "Radau5"):
-        jumps = name == "Radau5" and profile == "hold"  # the work in the first step from rest is not yet accurate
-        run = fl.simulate(scene, method=name, unstable="allow" if jumps else "refuse")
-        assert np.abs(run.q[:, 0] - exact(scene.course, run.t)).max() < 1e-6  # [rad]; the tip is at 1 m
-        assert not run.warnings or jumps
 
 
 def following(reference: fl.Reference, **drive: object) -> fl.Scene:
