@@ -226,38 +226,26 @@ def test_exports_note_that_no_format_stores_a_control_law() -> None:
     assert "control law" not in unsupported(arm(), fl.lump(arm()), format="urdf")
 
 
-@pytest.mark.parametrize(
-    ("drive", "changes", "message"),
-    [
-        ({"kp": (np.nan, 0, 0)}, {}, "not-finite"),
-        ({"kp": (-1.0, 0, 0)}, {}, "wrong-value"),
-        ({"kd": (0.0, 0, -2.0)}, {}, "wrong-value"),
-        ({"effort": (1.0, 0.0, 1.0)}, {}, "wrong-value"),
-        ({"effort": (1.0, np.inf, 1.0)}, {}, "not-finite"),
-        ({"effort": (1.0, 1.0)}, {}, "one-per-link"),
-        ({"kp": (1.0, 1.0)}, {}, "one-per-link"),
-        ({"gravity": "some"}, {}, "wrong-value"),
-        ({"gravity": "rigid", "kind": "computed_torque"}, {}, "needs-pd"),
-        ({"kind": "computed"}, {}, "wrong-value"),
-        ({"rate": 0.0}, {}, "wrong-value"),
-        ({"rate": 3000.0}, {}, "not-a-multiple"),
-        ({"rate": 1000.0 / 7}, {}, "not-a-multiple"),
-        ({"rate": 100.0}, {"initial.time": 0.005}, "not-a-multiple"),
-        ({"torque": (1.0, 1.0, 1.0)}, {}, "key-of-another-kind"),
-        ({}, {"link.fore.joint.locked": True}, "locked-and-moving"),
-        ({}, {"motion": [{"link": "base", "times": [0.0], "angle_deg": [10.0], "rate_deg": [0.0],
-                          "acceleration_deg": [0.0]}]},
-         "joint-prescribed"),
-    ],
-)  # fmt: skip
-def test_invalid_control_laws_are_refused(drive: dict[str, Any], changes: dict[str, Any], message: str) -> None:
-    with refused(fl.errors.SceneError, message):
-        arm({**PD, **drive}, **changes)
+AT_ONCE = {"link": "base", "times": [0.0], "angle_deg": [10.0], "rate_deg": [0.0], "acceleration_deg": [0.0]}
+INVALID: dict[str, list[dict[str, Any]]] = {
+    "not-finite": [{"drive.kp": (np.nan, 0, 0)}, {"drive.effort": (1.0, np.inf, 1.0)}],
+    "wrong-value": [{"drive.kp": (-1.0, 0, 0)}, {"drive.kd": (0.0, 0, -2.0)}, {"drive.effort": (1.0, 0.0, 1.0)},
+                    {"drive.gravity": "some"}, {"drive.kind": "computed"}, {"drive.rate": 0.0}],
+    "one-per-link": [{"drive.effort": (1.0, 1.0)}, {"drive.kp": (1.0, 1.0)}],
+    "needs-pd": [{"drive.gravity": "rigid", "drive.kind": "computed_torque"}],
+    "not-a-multiple": [{"drive.rate": 3000.0}, {"drive.rate": 1000.0 / 7},
+                       {"drive.rate": 100.0, "initial.time": 0.005}],
+    "key-of-another-kind": [{"drive.torque": (1.0, 1.0, 1.0)}],
+    "locked-and-moving": [{"link.fore.joint.locked": True}],
+    "joint-prescribed": [{"motion": [AT_ONCE]}],
+    "no-effect": [{"drive": {"kind": "none", "rate": 100.0}}],  # no law to be sampled
+}  # fmt: skip
 
 
-def test_a_drive_without_a_control_law_cannot_be_sampled() -> None:
-    with refused(fl.errors.SceneError, "no-effect"):
-        arm({"kind": "none", "rate": 100.0})
+@pytest.mark.parametrize(("id", "changes"), [(id, each) for id, several in INVALID.items() for each in several])
+def test_invalid_control_laws_are_refused(id: str, changes: dict[str, Any]) -> None:
+    with refused(fl.errors.SceneError, id):
+        arm(PD).varied(changes)
 
 
 @pytest.mark.parametrize("engine", ["drake", "exudyn"])
