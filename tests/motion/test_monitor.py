@@ -202,22 +202,14 @@ def looked_at(scene: fl.Scene, q: np.ndarray) -> Monitor:
     return monitor
 
 
-def test_a_warning_names_every_hinge_bent_beyond_84_degrees() -> None:
-    scene = make_scene(flexible("a", "xyz", 3))
-    for k in (2, 6):
-        q = np.zeros(7)
-        q[k] = np.radians(83.0)
-        assert not looked_at(scene, q).warnings
-        q[k] = -np.radians(85.0)
-        (warning,) = looked_at(scene, q).warnings
-        assert repr(fl.lump(scene).joint_name(k)) in warning
-        assert "-85.0°" in warning
-        check_text("hinge-bent-far", warning)
-
-
-def test_a_hinge_bent_by_more_than_a_turn_has_a_warning() -> None:
-    (warning,) = looked_at(make_scene(flexible("a", "xyz", 3)), np.array([0.0, 0.0, 7.0, 0.0, 0.0, 0.0, 0.0])).warnings
-    assert "401.1°" in warning
+@pytest.mark.parametrize(("k", "angle"), [(2, -85.0), (6, -85.0), (2, 401.1)])
+def test_a_warning_names_every_hinge_bent_beyond_84_degrees(k: int, angle: float) -> None:
+    scene, q = make_scene(flexible("a", "xyz", 3)), np.zeros(7)
+    q[k] = np.radians(83.0)
+    assert not looked_at(scene, q).warnings
+    q[k] = np.radians(angle)
+    (warning,) = looked_at(scene, q).warnings
+    assert repr(fl.lump(scene).joint_name(k)) in warning and f"{angle}°" in warning
     check_text("hinge-bent-far", warning)
 
 
