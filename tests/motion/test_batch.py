@@ -36,15 +36,13 @@ def test_batch_functions_do_not_modify_their_input_states(chain: fl.Chain, rng: 
     q, qd = (np.array(x) for x in zip(*(random_state(chain, rng) for _ in range(9)), strict=True))
     states = [q, qd, rng.normal(size=q.shape)]
     before = [part.copy() for part in states]
-    q, qd, third = states
-    for function in (fl.forward_dynamics, fl.inverse_dynamics, fl.forward_dynamics_derivatives):
-        function(chain, q, qd, third)
-    fl.inverse_dynamics_derivatives(chain, q, qd, third)
-    fl.point_motion(chain, q, qd, third)
-    for function in (fl.bias_torque, fl.momentum, fl.energy, fl.drag_torque):
-        function(chain, q, qd)
-    for function in (fl.mass_matrix, fl.gravity_torque, fl.elastic_torque, fl.tip_position):
-        function(chain, q)
+    of_angles = fl.mass_matrix, fl.gravity_torque, fl.elastic_torque, fl.tip_position
+    of_rates = fl.bias_torque, fl.momentum, fl.energy, fl.drag_torque
+    of_all = (fl.forward_dynamics, fl.inverse_dynamics, fl.forward_dynamics_derivatives,
+              fl.inverse_dynamics_derivatives, fl.point_motion)  # fmt: skip
+    for count, functions in enumerate((of_angles, of_rates, of_all), start=1):
+        for function in functions:
+            function(chain, *states[:count])
     fl.friction_torque(chain, qd)
     for now, then in zip(states, before, strict=True):
         np.testing.assert_array_equal(now, then)

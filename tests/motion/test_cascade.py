@@ -113,13 +113,6 @@ def test_gravity_is_fed_forward(gravity: str) -> None:
     np.testing.assert_allclose(fl.simulate(moving).tau[0, chain.active], expected, rtol=1e-6)
 
 
-def test_the_integrator_removes_the_sag_of_the_joints() -> None:
-    sagging = cascaded(arm("z", "z")).varied({"gravity": (0.0, -9.81, 0.0), "run.duration": 4.0})
-    run, active = fl.simulate(sagging), fl.lump(sagging).active
-    without = fl.simulate(sagging.varied({"drive.ki": None}))
-    assert np.abs(run.q[-1, active]).max() < 1e-2 * np.abs(without.q[-1, active]).max()
-
-
 def test_poles_are_those_of_python_control() -> None:
     scene = cascaded(arm("z", "z"), filter=FILTERS, delay=0.004)
     chain = fl.lump(scene)

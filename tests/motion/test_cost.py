@@ -12,7 +12,6 @@ from flexlink.chain.chain import Chain
 from flexlink.common.interruption import Stop
 from flexlink.motion import evaluation_cost
 from flexlink.motion.evaluation_cost import (
-    evaluation_time,
     machine_factor,
     operation_costs,
     parts_of,
@@ -93,8 +92,3 @@ def test_an_implicit_step_takes_about_the_predicted_time(models, name: str, tole
 def test_predicted_cost_ratio_of_implicit_to_explicit_stages_is_in_measured_range(flex, segments, least, most) -> None:
     chain, stages = chain_of(flex, segments), 3  # Radau5 has three stages
     assert least < step_cost(chain, "Radau5") / (stages * run_cost(chain, "RK4", 1)) < most
-
-
-def test_evaluation_time_does_not_depend_on_the_number_of_evaluations() -> None:
-    scene = make_scene(flexible("a", "z", 12))
-    assert 1e-8 < evaluation_time(problem_of(scene)) < 1e-4

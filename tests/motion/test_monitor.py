@@ -180,14 +180,6 @@ def test_a_run_is_doubtful_if_rounding_errors_of_large_angles_add_up() -> None:
     check_text("doubtful-rounding", warnings[2][0], values=False)
 
 
-def test_a_warning_names_a_hinge_whose_axes_nearly_coincide() -> None:
-    run = fl.simulate(bent(**{"run.step": 1e-4}))
-    assert np.degrees(np.abs(run.q).max()) > 84
-    (warning,) = run.warnings
-    assert "'a.1.y'" in warning
-    check_text("hinge-bent-far", warning)
-
-
 def check_text(id: str, text: str, *, values: bool = True) -> None:
     """Compare a warning or failure with the reviewed text, and its id, if any, with the given one."""
     assert (getattr(text, "id", "") or id) == id

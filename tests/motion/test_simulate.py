@@ -85,18 +85,6 @@ def test_a_run_that_diverges_stops_and_keeps_its_samples(paper: fl.Scene) -> Non
     assert kept.q.shape == (len(kept.t), 10)
 
 
-def test_the_largest_stable_step_is_where_runs_start_to_diverge(paper: fl.Scene) -> None:
-    """Small motion with springs only: the energy stays constant 3 % below the limit and grows 3 % above it."""
-    calm = fl.Scene(
-        name="calm", arm=paper.arm, gravity=(0, 0, 0), initial=fl.InitialState(joint_deg=(0, 0, 0), rate_deg=(0, 1, -2))
-    )
-    h = fl.stable_step(fl.lump(calm), method="RK4")
-    below = fl.simulate(calm, step=0.97 * h, sample=0.97 * h * 100, duration=0.97 * h * 4000)
-    assert below.energy.total[-1] <= below.energy.total[0] * (1 + 1e-12)
-    above = fl.simulate(calm, step=1.03 * h, sample=1.03 * h, duration=1.03 * h * 400, unstable="allow")
-    assert above.energy.total[-1] > 1e3 * above.energy.total[0]
-
-
 @pytest.mark.parametrize(
     ("override", "wanted"),
     [

@@ -178,19 +178,6 @@ def test_a_signal_stops_a_run_with_a_tolerance_and_saves_its_samples() -> None:
     assert np.isfinite(run.q).all()
 
 
-def test_setting_a_tolerance_removes_the_step_and_vice_versa() -> None:
-    scene = swinging(**{"run.tolerance": 1e-4})
-    assert scene.run.controlled
-    assert scene.run.method == "auto"
-    fixed = scene.varied({"run.step": 1e-4})
-    assert not fixed.run.controlled
-    assert fixed.run.method == "RK4"
-    relative = fixed.varied({"run.relative_tolerance": 1e-3})
-    assert relative.run.method == "auto"
-    by_radau = scene.varied({"run.method": "Radau9"}).run
-    assert by_radau == fixed.varied({"run.method": "Radau9", "run.tolerance": 1e-4}).run
-
-
 @pytest.mark.parametrize(
     ("changes", "id"),
     [
