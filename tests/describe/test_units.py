@@ -85,11 +85,6 @@ def test_initial_positions_of_sliding_joints_are_in_metres(gantry: fl.Scene) -> 
     assert fl.frames(chain, q).points[0].tolist() == [1.0, 0.0, 0.0]
 
 
-def test_a_scene_without_sliding_joints_has_no_keys_in_metres() -> None:
-    text = fl.load_scene("models/ptp_move.toml").to_toml()
-    assert not [word for word in ("_m ", 'kind = "prismatic"', "[base]", "[initial.base]") if word in text]
-
-
 @pytest.mark.parametrize(
     ("changes", "wanted"),
     [
