@@ -1,4 +1,4 @@
-"""Public functions without a claim of their own work on every arm without NaN, or refuse it with a FlexlinkError."""
+"""Public functions that no other claim compares work on every arm without NaN, or refuse it with a FlexlinkError."""
 
 import functools
 import inspect
