@@ -20,15 +20,7 @@ from flexlink.describe.schemes.lumping_rules import LumpingRule
 from flexlink.describe.schemes.methods import Method
 from flexlink.describe.shaping import ShaperRule
 from flexlink.describe.spec import Spec, units_of
-from flexlink.identification.experiments import (
-    ColumnExperiment,
-    Experiments,
-    ModesExperiment,
-    MotionExperiment,
-    PriorExperiment,
-    StaticExperiment,
-)
-from flexlink.identification.problem import FitFrf, FitModes, FitParameter, FitProblem, FitRun, FitStatic
+from flexlink.identification import experiments, problem
 from flexlink.robots.collection import KnownArm
 from flexlink.robots.flexible import FlexibleLink
 from flexlink.sweeps.plan import Sweep
@@ -40,18 +32,9 @@ KEY_PAGES = {
     "scene.rst": [Scene],
     "sweep.rst": [Sweep, Range, Spread],
     "fit.rst": [
-        FitProblem,
-        FitParameter,
-        FitRun,
-        FitModes,
-        FitStatic,
-        FitFrf,
-        Experiments,
-        ColumnExperiment,
-        StaticExperiment,
-        ModesExperiment,
-        MotionExperiment,
-        PriorExperiment,
+        *(getattr(problem, f"Fit{name}") for name in ("Problem", "Parameter", "Run", "Modes", "Static", "Frf")),
+        experiments.Experiments,
+        *(getattr(experiments, f"{name}Experiment") for name in ("Column", "Static", "Modes", "Motion", "Prior")),
     ],
     "data_files.rst": [LumpingRule, Method, ShaperRule, KnownArm, FlexibleLink],
 }

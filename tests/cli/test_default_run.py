@@ -53,12 +53,15 @@ def test_a_scene_file_contains_only_the_settings_of_its_scene(given: Any) -> Non
         ({"run.tolerance": 1e-4}, {"run.tolerance": None}, True, None),
         ({"run.tolerance": 1e-4}, {"run.step": 1e-3}, False, 1e-3),
         ({"run.step": 1e-3}, {"run.tolerance": 1e-4}, False, None),
+        ({"run.step": 1e-3}, {"run.relative_tolerance": 1e-3}, False, None),
+        ({"run.step": 1e-3}, {"run.method": "Radau9", "run.tolerance": 1e-4}, False, None),
     ],
 )  # fmt: skip
 def test_a_tolerance_replaces_a_step_and_a_step_the_default_tolerance(first, then, is_default, step) -> None:
     run = arm().varied(first).varied(then).run
     assert (run.by_default, run.step) == (is_default, step)
-    assert run.controlled == (is_default or "run.tolerance" in then)
+    assert run.controlled == (is_default or not {"run.tolerance", "run.relative_tolerance"}.isdisjoint(then))
+    assert run.method == (then.get("run.method") or ("auto" if run.controlled else "RK4"))
 
 
 @pytest.mark.parametrize(

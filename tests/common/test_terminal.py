@@ -48,6 +48,8 @@ def test_the_line_of_a_run_fits_the_terminal(width: int, name: str) -> None:
 def test_the_line_of_a_run_shows_progress_elapsed_and_remaining_time() -> None:
     assert progress_text("arm", 0.25, 30.0, 60) == "arm [" + "█" * 7 + "·" * 23 + "]  25% 0:30, 1:30 left"
     assert progress_text("arm", 0.25, 30.0, 39) == "arm [███·········]  25% 0:30, 1:30 left"
+    assert progress_text("arm", 0.25, 30.0, 31) == "arm [█···]  25% 0:30, 1:30 left"
+    assert progress_text("arm", 0.25, 30.0, 30) == "arm  25% 0:30, 1:30 left"
     assert progress_text("arm", 0.0, 0.0, 20).split() == ["arm", "[····]", "0%", "0:00"]
     assert progress_text("arm", 0.25, 30.0, 60, 0.0, "5 m/s").endswith("]  25% 0:30, 1:30 left, 5 m/s")
     assert [rate_text(count, 2.0, "members") for count in (0, 0.5, 3, 20_000)] == [

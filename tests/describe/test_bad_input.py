@@ -19,7 +19,6 @@ import tomli_w
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.describe.scene import scene_from
-from flexlink.diagnosis.comparison import compare
 from tests.conftest import ROOT, flexible, make_scene
 from tests.support.words import refused, reviewed
 
@@ -67,42 +66,33 @@ def drive(**fields: object) -> Edit:
 
 
 STEEP = {"times": [0.0, 5e-324, 1.0], "torques": [[0.0] * 3, [1e308] * 3, [0.0] * 3]}
+JUMP = {"link": "waist", "times": [0.0, 1e-200], "angle_deg": [30.0, 31.0], "rate_deg": [40.0, 0.0],
+        "acceleration_deg": [0.0, 0.0]}  # fmt: skip
 
 
-@pytest.mark.parametrize("command", ["info", "simulate", "modes"])
 @pytest.mark.parametrize(
-    ("edit", "named", "id"),
+    ("commands", "edit", "named", "id"),
     [
-        (massless, "joint 'waist'", "joint-without-inertia"),
-        (coaxial, "joint 'upper'", "joint-without-inertia"),
-        (lambda raw: raw["link"][1].update(length=1e300), "", "overflow"),
-        (lambda raw: raw["link"][1]["mount"].update(xyz=[1e308, 0.0, 0.0]), "", "overflow"),
-        (lambda raw: raw["tip"].update(mass=1e308), "", "overflow"),
-        (static, "|gravity[0]| = 1e+308", "overflow"),
+        ("info simulate modes", massless, "joint 'waist'", "joint-without-inertia"),
+        ("info simulate modes", coaxial, "joint 'upper'", "joint-without-inertia"),
+        ("info simulate modes", lambda raw: raw["link"][1].update(length=1e300), "", "overflow"),
+        ("info simulate modes", lambda raw: raw["link"][1]["mount"].update(xyz=[1e308, 0.0, 0.0]), "", "overflow"),
+        ("info simulate modes", lambda raw: raw["tip"].update(mass=1e308), "", "overflow"),
+        ("info simulate modes", static, "|gravity[0]| = 1e+308", "overflow"),
+        ("simulate", drive(**STEEP), "", "overflow"),
+        ("simulate", drive(**STEEP, smooth=True), "", "overflow"),
+        ("simulate", lambda raw: raw.update(motion=[JUMP]), "", "overflow"),
+        ("modes", joint(viscous=1e308), "overflow float64", "overflow"),
     ],
 )
 def test_the_refusal_of_an_arm_that_cannot_be_computed_names_file_and_joint(
-    command: str, edit: Edit, named: str, id: str, tmp_path: Path, capsys
+    commands: str, edit: Edit, named: str, id: str, tmp_path: Path, capsys
 ) -> None:
     path = write(tmp_path / "scene.toml", edit)
-    line = refusal([command, path], capsys)
-    assert line.startswith(f"flexlink: {path}: ")
-    assert named in line and line.endswith(f"[{id}]")
-
-
-@pytest.mark.parametrize("edit", [drive(**STEEP), drive(**STEEP, smooth=True)])
-def test_torques_whose_slope_overflows_float64_are_refused(edit: Edit, tmp_path: Path, capsys) -> None:
-    assert refusal(["simulate", write(tmp_path / "a.toml", edit)], capsys).endswith("[overflow]")
-
-
-def test_a_motion_that_jumps_is_refused(tmp_path: Path, capsys) -> None:
-    jump = {"link": "waist", "times": [0.0, 1e-200], "angle_deg": [30.0, 31.0], "rate_deg": [40.0, 0.0]}
-    path = write(tmp_path / "a.toml", lambda raw: raw.update(motion=[jump | {"acceleration_deg": [0.0, 0.0]}]))
-    assert refusal(["simulate", path], capsys).endswith("[overflow]")
-
-
-def test_damping_that_overflows_float64_is_refused(tmp_path: Path, capsys) -> None:
-    assert "overflow float64" in refusal(["modes", write(tmp_path / "a.toml", joint(viscous=1e308))], capsys)
+    for command in commands.split():
+        line = refusal([command, path], capsys)
+        assert line.startswith(f"flexlink: {path}: ")
+        assert named in line and line.endswith(f"[{id}]")
 
 
 @pytest.mark.parametrize(
@@ -189,58 +179,38 @@ def test_a_file_whose_counts_multiply_is_refused_before_mujoco_unfolds_it(tmp_pa
         assert refusal(command, capsys).endswith(id)
 
 
-@pytest.mark.parametrize(
-    "fields",
-    [
-        {"A": [["1/2"], ["1/2"], ["0", "1/2"], ["0", "0", "1"]]},
-        {"A": [], "b": [], "c": []},
-        {"b": ["a", "1/3", "1/3", "1/3"]},
-        {"b": ["1/0", "1/3", "1/3", "1/3"]},
-        {"b": ["1e999999999", "1/3", "1/3", "1/3"]},
-        {"b": ["1e400", "-1e400", "1/2", "1/2"]},
-    ],
-    ids=["shape", "no stages", "letter", "zero", "exponent", "beyond float64"],
-)
-def test_the_refusal_of_a_wrong_tableau_names_key_and_file(fields: dict, tmp_path: Path, capsys) -> None:
-    own = tmp_path / "own.toml"
-    own.write_text(tomli_w.dumps(RK4 | fields), encoding="utf-8")
-    path = write(tmp_path / "scene.toml", lambda raw: raw["run"].update(method="own.toml"))
-    line = refusal(["info", path], capsys)
-    assert line.startswith(f"flexlink: {path}: run.method = ")
-    assert line.count(f": {own}: ") == 1
-    reviewed("bad input: tableau", line)
+METHOD, RULE = "tableau", "lumping rule"
+NAMED: dict[str, Edit] = {
+    METHOD: lambda raw: raw["run"].update(method="own.toml"),
+    RULE: lambda raw: raw["link"][1].update(lumping="rule.toml"),
+}
+WHOLE = {METHOD: RK4, RULE: {"about": "wrong", "source": "here"}}
 
 
 @pytest.mark.parametrize(
-    "fields",
+    ("kind", "fields"),
     [
-        {"element": {"nodes": [0.5], "weights": [2.0]}},
-        {"jacobi": {"tip": 1e5}},
-        {},
-        {"cells": {"hinges": 7, "tip": 4.0}},
+        (METHOD, {"A": [["1/2"], ["1/2"], ["0", "1/2"], ["0", "0", "1"]]}),
+        (METHOD, {"A": [], "b": [], "c": []}),
+        (METHOD, {"b": ["a", "1/3", "1/3", "1/3"]}),
+        (METHOD, {"b": ["1/0", "1/3", "1/3", "1/3"]}),
+        (METHOD, {"b": ["1e999999999", "1/3", "1/3", "1/3"]}),
+        (METHOD, {"b": ["1e400", "-1e400", "1/2", "1/2"]}),
+        (RULE, {"element": {"nodes": [0.5], "weights": [2.0]}}),
+        (RULE, {"jacobi": {"tip": 1e5}}),
+        (RULE, {}),
+        (RULE, {"cells": {"hinges": 7, "tip": 4.0}}),
     ],
 )
-def test_the_refusal_of_a_wrong_lumping_rule_names_key_and_file(fields: dict, tmp_path: Path, capsys) -> None:
-    own = tmp_path / "rule.toml"
-    own.write_text(tomli_w.dumps({"about": "wrong", "source": "here"} | fields), encoding="utf-8")
-    path = write(tmp_path / "scene.toml", lambda raw: raw["link"][1].update(lumping="rule.toml"))
+def test_the_refusal_of_a_wrong_method_or_rule_names_key_and_file(kind: str, fields: dict, tmp_path, capsys) -> None:
+    own = tmp_path / ("own.toml" if kind == METHOD else "rule.toml")
+    own.write_text(tomli_w.dumps(WHOLE[kind] | fields), encoding="utf-8")
+
+    path = write(tmp_path / "scene.toml", NAMED[kind])
     line = refusal(["info", path], capsys)
-    assert line.startswith(f"flexlink: {path}: link.")
+    assert line.startswith(f"flexlink: {path}: {'run.method = ' if kind == METHOD else 'link.'}")
     assert line.count(f": {own}: ") == 1
-    reviewed("bad input: lumping rule", line)
-
-
-def test_file_paths_in_a_scene_are_relative_to_its_folder(tmp_path: Path, monkeypatch) -> None:
-    (tmp_path / "own.toml").write_text(tomli_w.dumps(RK4), encoding="utf-8")
-    rule = {"about": "one in the middle", "source": "here", "element": {"nodes": [0.5], "weights": [1.0]}}
-    (tmp_path / "rule.toml").write_text(tomli_w.dumps(rule), encoding="utf-8")
-
-    def name_them(raw: dict) -> None:
-        raw["run"]["method"], raw["link"][1]["lumping"] = "own.toml", "rule.toml"
-
-    path = write(tmp_path / "scene.toml", name_them)
-    monkeypatch.chdir(ROOT)
-    assert fl.simulate(fl.load_scene(path), duration=0.005).q.shape == (2, 21)
+    reviewed(f"bad input: {kind}", line)
 
 
 @pytest.mark.parametrize(
@@ -282,19 +252,6 @@ def test_a_wrong_option_is_answered_in_one_line(capsys) -> None:
         assert len(capsys.readouterr().err.splitlines()) == 1
 
 
-def test_ctrl_c_keeps_the_samples_computed_so_far(tmp_path: Path, capsys, monkeypatch) -> None:
-    def stop_at_half(self: object, fraction: float) -> None:
-        if fraction >= 0.5:
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr(sys.modules["flexlink.motion.budget"], "BREATH", 0.0)  # one piece per step
-    monkeypatch.setattr("flexlink.common.progress.Progress.__call__", stop_at_half)
-    out = tmp_path / "run.npz"
-    assert main(["simulate", write(tmp_path / "a.toml"), "--duration", "0.1", "--out", str(out)]) == 130
-    assert "t = 0.05 s; 11" in capsys.readouterr().err
-    np.testing.assert_allclose(np.load(out)["t"], np.arange(11) * 0.005, atol=1e-15)
-
-
 @pytest.mark.slow
 def test_commands_work_on_a_terminal_that_cannot_encode_a_character(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "flexlink", "simulate", write(tmp_path / "a.toml"), "--duration", "0.005"]
@@ -323,14 +280,6 @@ def test_quotes_in_names_stay_inside_their_csv_column(tmp_path: Path) -> None:
     path = fl.simulate(scene, duration=0.0).save(tmp_path / "run.csv")
     header = np.loadtxt(io.StringIO(path.read_text(encoding="utf-8")), str, delimiter=",", quotechar='"', max_rows=1)
     assert header[1] == 'q a "b", c [rad]'
-
-
-def test_a_prescribed_motion_does_not_make_engines_disagree() -> None:
-    motion = fl.PrescribedMotion(link="upper", times=[0], angle_deg=[0], rate_deg=[0], acceleration_deg=[0])
-    comparison = compare(make_scene(flexible("upper")), samples=1)
-    moved = compare(make_scene(flexible("upper"), motion=[motion]), samples=1)
-    assert comparison.passed
-    assert moved.rows[-1].error == comparison.rows[-1].error
 
 
 def test_python_descriptions_accept_lists_dicts_and_numpy_arrays() -> None:
@@ -372,16 +321,6 @@ def test_copies_of_a_chain_stay_read_only(clone: Callable[[fl.Chain], fl.Chain],
     bodies, hinges, gravity, rare = twin.as_full().arrays
     assert not any(array.flags.writeable for array in (bodies, hinges, gravity, *rare))
     np.testing.assert_array_equal(fl.mass_matrix(twin, np.ones(twin.n)), fl.mass_matrix(chain, np.ones(chain.n)))
-
-
-def test_errors_keep_their_attributes_in_process_pools(models) -> None:
-    run = fl.simulate(fl.load_scene(models / "paper_fig5.toml"), duration=0.01)
-    for error in (fl.errors.DivergenceError("lost", run), fl.errors.InterruptedRunError(run)):
-        twin = pickle.loads(pickle.dumps(error))
-        assert str(twin) == str(error)
-        np.testing.assert_array_equal(twin.trajectory.q, run.q)
-    twin = pickle.loads(pickle.dumps(fl.errors.ConvergenceError("lost", np.ones(2), 0.5)))
-    assert (str(twin), twin.q.tolist(), twin.load) == ("lost", [1.0, 1.0], 0.5)
 
 
 @pytest.mark.parametrize(

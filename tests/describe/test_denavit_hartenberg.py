@@ -53,24 +53,19 @@ def tip_of(chain: fl.Chain, q: np.ndarray) -> np.ndarray:
     return T
 
 
-@pytest.mark.parametrize(("table", "convention"), [(UR5, "standard"), (PUMA, "modified")], ids=["UR5", "PUMA"])
-def test_a_dh_table_gives_the_product_of_the_textbook_matrices(table, convention, rng) -> None:
-    q, offsets = rng.uniform(-np.pi, np.pi, 6), rng.uniform(-180, 180, 6)
-    wanted = np.eye(4)
-    for (a, α, d), angle, offset in zip(table, q, offsets, strict=True):
-        wanted = wanted @ BOOKS[convention](a, math.radians(α), d, angle + math.radians(offset))
-    got = tip_of(fl.lump(make_scene(*links_of(table, convention, offsets))), q)
-    np.testing.assert_allclose(got, wanted, rtol=0, atol=20 * EPS)
+def random_rows(seed: int) -> list[tuple[float, ...]]:
+    return np.random.default_rng(seed).uniform((-0.5, -180, -0.5), (0.5, 180, 0.5), (3, 3)).tolist()
 
 
-@pytest.mark.parametrize("convention", ["standard", "modified"])
-def test_a_dh_row_may_have_any_angles_and_offsets(convention, rng) -> None:
-    for _ in range(20):
-        table = [tuple(row) for row in rng.uniform((-0.5, -180, -0.5), (0.5, 180, 0.5), (3, 3))]
-        q, wanted = rng.uniform(-3, 3, 3), np.eye(4)
-        for (a, α, d), angle in zip(table, q, strict=True):
-            wanted = wanted @ BOOKS[convention](a, math.radians(α), d, angle)
-        got = tip_of(fl.lump(make_scene(*links_of(table, convention, (0, 0, 0)))), q)
+TABLES = [(UR5, "standard"), (PUMA, "modified"), *((random_rows(seed), name) for seed in range(20) for name in BOOKS)]
+
+
+def test_a_dh_table_gives_the_product_of_the_textbook_matrices(rng) -> None:
+    for table, convention in TABLES:
+        (q, offsets), wanted = rng.uniform(-np.pi, np.pi, (2, len(table))), np.eye(4)
+        for (a, α, d), angle, offset in zip(table, q, np.degrees(offsets), strict=True):
+            wanted = wanted @ BOOKS[convention](a, math.radians(α), d, angle + math.radians(offset))
+        got = tip_of(fl.lump(make_scene(*links_of(table, convention, np.degrees(offsets)))), q)
         np.testing.assert_allclose(got, wanted, rtol=0, atol=20 * EPS)
 
 

@@ -32,20 +32,6 @@ def test_coefficients_of_a_family_are_correctly_rounded(name: str) -> None:
         np.testing.assert_array_equal(found, exact)
 
 
-def test_radau_with_three_stages_has_the_published_coefficients() -> None:
-    """Hairer & Wanner, II, table IV.5.6."""
-    A, b, c = method("Radau5").arrays
-    r = np.sqrt(6)
-    wanted = [
-        [(88 - 7 * r) / 360, (296 - 169 * r) / 1800, (-2 + 3 * r) / 225],
-        [(296 + 169 * r) / 1800, (88 + 7 * r) / 360, (-2 - 3 * r) / 225],
-        [(16 - r) / 36, (16 + r) / 36, 1 / 9],
-    ]
-    np.testing.assert_allclose(A, wanted, rtol=4 * EPS, atol=EPS)
-    np.testing.assert_array_equal(A[-1], b)
-    np.testing.assert_allclose(c, [(4 - r) / 10, (4 + r) / 10, 1], rtol=4 * EPS)
-
-
 @pytest.mark.parametrize("name", IMPLICIT)
 def test_the_eigendecomposition_reproduces_the_matrix_a(name: str) -> None:
     found, (A, b, _) = method(name).modes, method(name).arrays
@@ -57,11 +43,6 @@ def test_the_eigendecomposition_reproduces_the_matrix_a(name: str) -> None:
     np.testing.assert_allclose(real + 2 * pairs.real, A, rtol=0, atol=20 * s * EPS)  # rounding of LAPACK's eigenvectors
     np.testing.assert_allclose(found.A2, A @ A, rtol=0, atol=s * EPS)
     np.testing.assert_allclose(found.bA, b @ A, rtol=0, atol=s * EPS)
-
-
-def test_the_real_eigenvalue_of_radau_equals_the_published_value() -> None:
-    """The real eigenvalue of A is 1/γ₀ = (6 + ∛81 − ∛9)/30, as in Hairer & Wanner's code RADAU5."""
-    assert method("Radau5").modes.real == pytest.approx([(6 + 81 ** (1 / 3) - 9 ** (1 / 3)) / 30], rel=8 * EPS)
 
 
 @pytest.mark.parametrize("name", ["Radau5", "Radau9"])

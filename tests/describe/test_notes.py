@@ -27,17 +27,14 @@ def test_gravity_parallel_to_all_axes_is_noted() -> None:
     chain = fl.lump(STILL)
     q = np.linspace(0.1, 0.9, chain.n)
     assert not fl.gravity_torque(chain, q).any()
+    for size in (-1e-300, 1e308):
+        assert len(notes(STILL.varied({"gravity": (0.0, 0.0, size)}))) == 1
 
 
 def check_no_effect(note: str) -> None:
     """Check that there is one note, that the key has no effect, and compare its text with the reviewed one."""
     assert (getattr(note, "id", "") or "no-effect") == "no-effect"
     reviewed("no-effect", note)
-
-
-@pytest.mark.parametrize("gravity", [(0.0, 0.0, -1e-300), (0.0, 0.0, 1e308)])
-def test_the_note_on_gravity_does_not_depend_on_its_magnitude(gravity: tuple[float, ...]) -> None:
-    assert len(notes(make_scene(fl.Link(name="a"), flexible("b"), gravity=gravity))) == 1
 
 
 def test_gravity_along_a_mounted_axis_is_noted_within_rounding() -> None:

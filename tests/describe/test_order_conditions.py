@@ -7,7 +7,7 @@ import pytest
 
 from flexlink.describe.data_files import names
 from flexlink.describe.schemes import methods
-from validation.oracles.rooted_trees import coefficients, density, embedded, residuals, trees
+from validation.oracles.rooted_trees import coefficients, density, residuals, trees
 
 ORDERS = {
     "RK2": 2, "RK3": 3, "RK4": 4, "DOPRI5": 5, "DOP853": 8, "RK10": 10, "Radau5": 5, "Radau9": 9, "Gauss4": 4,
@@ -22,15 +22,9 @@ def test_every_built_in_method_is_tested_here():
     assert set(names("methods")) == set(ORDERS)
 
 
-def test_the_number_of_rooted_trees_is_the_published_one():
-    counts = [len(trees(order)) for order in range(1, 11)]
-    assert counts == [1, 1, 2, 4, 9, 20, 48, 115, 286, 719]  # OEIS A000081
-    assert sum(counts) == 1205
-
-
-def test_no_tree_appears_twice():
-    for order in range(1, 10):
-        assert len({_canonical(tree) for tree in trees(order)}) == len(trees(order))
+def test_the_number_of_different_rooted_trees_is_the_published_one():
+    counts = [len({_canonical(tree) for tree in trees(order)}) for order in range(1, 11)]
+    assert counts == [len(trees(order)) for order in range(1, 11)] == [1, 1, 2, 4, 9, 20, 48, 115, 286, 719]  # A000081
 
 
 def _canonical(tree):
@@ -53,19 +47,7 @@ def test_every_order_condition_is_met_to_all_stored_digits(name, order):
     exact = coefficients(method)
     assert method.order == order
     assert max(max(residuals(exact, k)) for k in range(1, order + 1)) <= 10.0 ** -DIGITS.get(name, 40)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("name", "order"), ORDERS.items())
-def test_a_condition_of_the_next_order_is_violated(name, order):
-    assert max(residuals(coefficients(methods.method(name)), order + 1)) > 1e-7
-
-
-@pytest.mark.parametrize(("row", "order"), [(0, 5), (1, 3)])
-def test_the_error_estimates_of_dop853_come_from_methods_of_order_5_and_3(row, order):
-    inside = embedded(methods.method("DOP853"), row)
-    assert max(max(residuals(inside, k)) for k in range(1, order + 1)) <= 1e-26
-    assert max(residuals(inside, order + 1)) > 1e-5
+    assert max(residuals(exact, order + 1)) > 1e-7, "the method has no higher order"
 
 
 def test_a_wrong_digit_in_one_coefficient_is_caught():

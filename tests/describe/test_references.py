@@ -125,18 +125,6 @@ def test_short_moves_have_no_cruise_and_shorter_ones_no_constant_acceleration() 
     np.testing.assert_allclose(np.degrees(peaks(course)[1:, 0]), [4.0, 2.0, 1.0], rtol=16 * EPS)
 
 
-@pytest.mark.parametrize("speed", [20.0, 500.0])
-def test_an_s_curve_becomes_the_trapezoid_as_its_jerk_grows(speed: float) -> None:
-    """The S-curve ends t_j = a/j later and differs from the trapezoid by at most max |ṙ| t_j."""
-    most = {"max_rate_deg": (speed,), "max_acceleration_deg": (100.0,)}
-    trapezoid = fl.Reference(profile="trapezoidal", to_deg=(50.0,), **most).course((0.0,))
-    t = np.linspace(0, trapezoid.knots[-1], 1000)
-    for jerk in (1e4, 1e6, 1e9, 1e14):
-        course = fl.Reference(profile="s_curve", to_deg=(50.0,), max_jerk_deg=(jerk,), **most).course((0.0,))
-        allowed = peaks(trapezoid)[1, 0] * 100.0 / jerk
-        assert np.abs(course(t)[0] - trapezoid(t)[0]).max() <= allowed + 16 * EPS
-
-
 def test_a_move_of_given_duration_has_ramps_of_one_third() -> None:
     """For D = T = 1: trapezoid v = 3/2, a = 9/2; S-curve a = 27/4, j = 243/4; quintic v = 15/8, a = 10/√3, j = 60."""
     D, T = np.radians(40.0), 1.5
@@ -376,15 +364,9 @@ def test_a_shaper_file_is_searched_next_to_the_scene(tmp_path: Path, monkeypatch
         fl.load_scene(tmp_path / "scene.toml")
 
 
-ROD = make_scene(fl.Link(name="rod", length=1.0), tip=fl.RigidBody(mass=1.0, inertia=(1, 1, 1)))
-
-
 def test_a_reference_below_a_lower_limit_is_refused() -> None:
-    drive = {
-        "kind": "pd",
-        "kp": [9.0],
-        "kd": [1.0],
-        "reference": {"profile": "quintic", "to_deg": [-46.0], "duration": 1.0},
-    }
+    rod = make_scene(fl.Link(name="rod", length=1.0), tip=fl.RigidBody(mass=1.0, inertia=(1, 1, 1)))
+    move = {"profile": "quintic", "to_deg": [-46.0], "duration": 1.0}
+    drive = {"kind": "pd", "kp": [9.0], "kd": [1.0], "reference": move}
     with refused(fl.errors.SceneError, "wrench-out-of-reach"):
-        ROD.varied({"link.rod.joint.limits_deg": (-45.0, 90.0), "drive": drive})
+        rod.varied({"link.rod.joint.limits_deg": (-45.0, 90.0), "drive": drive})

@@ -72,14 +72,6 @@ def test_the_curvature_integral_converges_with_the_order_of_the_rule(name, expec
     assert order({n: error(n) for n in (12, 24, 48)}) == pytest.approx(expected, abs=0.3)
 
 
-def test_a_rule_weighted_for_moments_that_vanish_at_the_tip_is_exact_for_them():
-    rule = LumpingRule(about="", source="", jacobi=Jacobi(tip=2.0))
-    for degree in range(8):  # up to degree 2 N − 1 = 7, times (1 − x)²
-        assert integral(rule, 4, lambda x, d=degree: (1 - x) ** (2 + d)) == pytest.approx(
-            1 / (3 + degree), rel=1e-13, abs=0
-        )
-
-
 @pytest.mark.parametrize(("root", "tip"), [(0.0, 0.0), (0.0, 2.0), (1.5, 0.0), (0.5, 2.0)])
 def test_a_jacobi_rule_is_exact_for_its_weight_times_polynomials(root: float, tip: float) -> None:
     """∫ (1 − x)^tip x^(root + d) dx = B(root + d + 1, tip + 1) is exact up to d = 2N − 1 only."""

@@ -1,6 +1,7 @@
 """Units of rotary joints (degrees) and sliding joints (metres) in scenes; free bases and branches."""
 
 import re
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import flexlink as fl
 from flexlink.chain.layout import as_lines, branches_of
 from flexlink.data.csv_table import UNITS, read_csv
 from flexlink.describe.plausibility.hints import hints
+from flexlink.describe.scene import scene_from
 from flexlink.results.pictures.outline import outline_of
 from flexlink.results.samples import sources_of
 from tests.support.words import refused, reviewed
@@ -18,87 +20,60 @@ from tests.support.words import refused, reviewed
 GANTRY = """
 name = "gantry"
 gravity = [0.0, 0.0, -9.81]
-
-[material.steel]
-young = 210e9
-density = 7850.0
-
-[section.tube]
-shape = "tube"
-outer = 0.04
-inner = 0.03
-
+material.steel = { young = 210e9, density = 7850.0 }
+section.tube = { shape = "tube", outer = 0.04, inner = 0.03 }
+initial = { joint_deg = [0.0, -80.0], joint_m = [1.0, 0.0], rate_m = [0.2, 0.0] }
 [[link]]
 name = "trolley"
 joint = { kind = "prismatic", axis = [1.0, 0.0, 0.0], limits_m = [0.0, 8.0], viscous = 20.0 }
-hub = { mass = 50.0 }
-
+hub.mass = 50.0
 [[link]]
 name = "boom"
-mount = { rpy_deg = [90.0, 0.0, 0.0] }
+mount.rpy_deg = [90.0, 0.0, 0.0]
 joint = { viscous = 5.0, armature = 0.1 }
 length = 3.0
 flex = "z"
 segments = 3
 material = "steel"
 section = "tube"
-
-[initial]
-joint_deg = [0.0, -80.0]
-joint_m = [1.0, 0.0]
-rate_m = [0.2, 0.0]
 """
 SATELLITE = """
 name = "satellite"
 gravity = [0.0, 0.0, 0.0]
 base = { kind = "free", mass = 100.0, inertia = [10.0, 10.0, 10.0] }
-
+initial.base = { xyz = [1.0, 2.0, 3.0], rpy_deg = [0.0, 0.0, 90.0], spin_deg = [0.0, 0.0, 18.0] }
 [[link]]
 name = "left"
-mount = { xyz = [0.5, 0.0, 0.0] }
+mount.xyz = [0.5, 0.0, 0.0]
 length = 2.0
-end = { mass = 2.0 }
-
+end.mass = 2.0
 [[link]]
 name = "right"
 on = "base"
 mount = { xyz = [-0.5, 0.0, 0.0], rpy_deg = [0.0, 0.0, 180.0] }
 joint = { kind = "prismatic", axis = [1.0, 0.0, 0.0] }
 length = 2.0
-end = { mass = 2.0 }
-
+end.mass = 2.0
 [[link]]
 name = "hand"
 on = "right"
 length = 0.3
-end = { mass = 1.0 }
-
-[initial.base]
-xyz = [1.0, 2.0, 3.0]
-rpy_deg = [0.0, 0.0, 90.0]
-spin_deg = [0.0, 0.0, 18.0]
+end.mass = 1.0
 """
 GAINS: dict[str, Any] = {"kind": "pd", "kp": [4000.0, 200.0], "kd": [800.0, 100.0]}
 MOVE: dict[str, Any] = {"profile": "quintic", "duration": 2.0}
 
 
-def read(text: str, folder: Path) -> fl.Scene:
-    """Read a scene from TOML text."""
-    path = folder / "scene.toml"
-    path.write_text(text, encoding="utf-8")
-    return fl.load_scene(path)
-
-
 @pytest.fixture
-def gantry(tmp_path: Path) -> fl.Scene:
+def gantry() -> fl.Scene:
     """A hinged boom on a sliding trolley."""
-    return read(GANTRY, tmp_path)
+    return scene_from(tomllib.loads(GANTRY))
 
 
 @pytest.fixture
-def satellite(tmp_path: Path) -> fl.Scene:
+def satellite() -> fl.Scene:
     """Two arms on a free base; one arm has a sliding joint."""
-    return read(SATELLITE, tmp_path)
+    return scene_from(tomllib.loads(SATELLITE))
 
 
 def test_initial_positions_of_sliding_joints_are_in_metres(gantry: fl.Scene) -> None:
@@ -108,11 +83,6 @@ def test_initial_positions_of_sliding_joints_are_in_metres(gantry: fl.Scene) -> 
     assert q[1] == np.radians(-80.0)
     assert qd[0] == 0.2
     assert fl.frames(chain, q).points[0].tolist() == [1.0, 0.0, 0.0]
-
-
-def test_a_scene_without_sliding_joints_has_no_keys_in_metres() -> None:
-    text = fl.load_scene("models/ptp_move.toml").to_toml()
-    assert not [word for word in ("_m ", 'kind = "prismatic"', "[base]", "[initial.base]") if word in text]
 
 
 @pytest.mark.parametrize(
@@ -262,51 +232,12 @@ def test_warnings_show_limits_in_the_unit_of_the_joint(gantry: fl.Scene) -> None
     reviewed(id, warning)
 
 
-def test_a_run_reaches_its_targets_in_their_units(gantry: fl.Scene) -> None:
-    law = {"kind": "pd", "gravity": "rigid", "kp": [4e4, 4e3], "kd": [4e3, 1e3]}
-    lists = {"target_deg": [0.0, -80.0], "target_m": [1.5, 0.0]}
-    run = fl.simulate(gantry.varied({"drive": {**law, **lists}, "run.duration": 3.0}))
-    assert abs(run.q[-1, 0] - 1.5) < 1e-3
-    assert abs(np.degrees(run.q[-1, 1]) + 80.0) < 0.5
-
-
-def test_the_force_of_a_prescribed_slide_is_mass_times_acceleration(gantry: fl.Scene) -> None:
-    """Trolley and boom accelerate at 3 m/s²; at the start the boom hangs freely."""
-    chain = fl.lump(gantry)
-    still = {"initial.joint_deg": [0.0, -90.0], "link.boom.flex": "rigid", "link.boom.segments": 1}
-    move = {"link": "trolley", "times": [0.0], "position_m": [1.0], "rate_m": [0.2], "acceleration_m": [0.0]}
-    locked = {
-        "link.boom.joint": {"locked": True},
-        **still,
-        "motion": [
-            {**move, "times": [0.0, 1.0], "position_m": [1.0, 2.7], "rate_m": [0.2, 3.2], "acceleration_m": [3.0, 3.0]}
-        ],
-    }
-    run = fl.simulate(gantry.varied({**locked, "run.duration": 0.1}))
-    friction = 20.0 * run.qd[:, 0]
-    assert np.allclose(run.tau[:, 0] - friction, 3.0 * chain.mass, rtol=1e-9)
-
-
 def test_tips_of_a_run_have_names(satellite: fl.Scene) -> None:
     run = fl.simulate(satellite.varied({"run.duration": 0.1}))
     assert np.allclose(run.tip_of("hand"), run.tip, atol=1e-14)
     assert np.linalg.norm(run.tip_of("left")[0] - [1.0, 4.5, 3.0]) < 1e-14
     with refused(fl.errors.ArgumentError, "tip-not-a-tip"):
         run.tip_of("right")
-
-
-def test_internal_loads_at_hinges_equal_the_joint_torques(satellite: fl.Scene) -> None:
-    chain = fl.lump(satellite)
-    q, qd, qdd, wrench = np.split(np.random.default_rng(5).uniform(-1, 1, 3 * chain.n + 6), np.arange(1, 4) * chain.n)
-    cuts = fl.strength.internal_loads(chain, q, qd, qdd, tip_wrench=wrench)
-    torques = fl.inverse_dynamics(chain, q, qd, qdd, tip_wrench=wrench)
-    assert np.allclose(-cuts.hinge_moment, torques, atol=1e-12), (
-        "no rotors, no friction: forces along the axes, moments about them"
-    )
-    for tip, body in chain.tips.items():
-        moves, slope = fl.point_motion(chain, q, qd, qdd, tip=tip), fl.jacobian(chain, q, tip=tip)
-        assert np.allclose(slope.linear @ qd, moves.velocity, atol=1e-14)
-        assert np.array_equal(moves.position, fl.frames(chain, q).points[body])
 
 
 SIZES = {"k": 1e3, "m": 1e-3, "µ": 1e-6, "u": 1e-6, "": 1.0}

@@ -72,7 +72,7 @@ def ends_by_default(case: Case) -> None:
 
 
 def ends_within_a_tolerance(case: Case) -> None:
-    for method in ("auto", "DOP853", "Radau5"):
+    for method in ("auto", "DOP853", "Radau5", "Radau9"):
         near(whole(fl.simulate(case.scene.varied(WITHIN), method=method)), case, 3 * NEAR)
 
 

@@ -189,13 +189,14 @@ def loads(case: Case) -> None:
 
 
 def points(case: Case) -> None:
-    """Velocity and acceleration of the tip are derivatives of its position along the motion."""
+    """Velocity and acceleration of every tip are derivatives of its position along the motion."""
     q, qd, qdd, _ = case.state()
-    found = fl.point_motion(case.chain, q, qd, qdd)
-    place = lambda h: fl.tip_position(case.chain, q + h * qd + h * h / 2 * qdd)  # noqa: E731
-    close(fl.jacobian(case.chain, q).linear @ qd, difference(place), 1e-8, 1e-12)
-    close(found.velocity, difference(place), 1e-8, 1e-12)
-    close(found.acceleration, difference(lambda h: difference(lambda k: place(h + k))), 1e-6, 1e-8)
+    for tip in case.chain.tips:
+        found = fl.point_motion(case.chain, q, qd, qdd, tip=tip)
+        place = lambda h, tip=tip: fl.tip_position(case.chain, q + h * qd + h * h / 2 * qdd, tip=tip)  # noqa: E731
+        close(fl.jacobian(case.chain, q, tip=tip).linear @ qd, difference(place), 1e-8, 1e-12)
+        close(found.velocity, difference(place), 1e-8, 1e-12)
+        close(found.acceleration, difference(lambda h, at=place: difference(lambda k: at(h + k))), 1e-6, 1e-8)
 
 
 def momenta(case: Case) -> None:

@@ -113,57 +113,6 @@ def test_gravity_is_fed_forward(gravity: str) -> None:
     np.testing.assert_allclose(fl.simulate(moving).tau[0, chain.active], expected, rtol=1e-6)
 
 
-def test_the_integrator_removes_the_sag_of_the_joints() -> None:
-    sagging = cascaded(arm("z", "z")).varied({"gravity": (0.0, -9.81, 0.0), "run.duration": 4.0})
-    run, active = fl.simulate(sagging), fl.lump(sagging).active
-    without = fl.simulate(sagging.varied({"drive.ki": None}))
-    assert np.abs(run.q[-1, active]).max() < 1e-2 * np.abs(without.q[-1, active]).max()
-
-
-@pytest.mark.parametrize("delay", [0.0, 0.003, 0.0042])
-def test_small_motion_of_the_nonlinear_run_is_that_of_the_loop(delay: float) -> None:
-    scene = cascaded(arm("z", "z"), filter=FILTERS, delay=delay)
-    loop = fl.loop(scene)
-    assert len(loop.law.F) == 2 * (2 + 4)
-    kick = np.cos(np.arange(loop.plant.chain.n))
-    first = fl.RunSettings(duration=30 / RATE, sample=1 / RATE, tolerance=1e-11)
-    pair = [fl.simulate(scene.varied({"run": first}), qd0=sign * 1e-4 * kick).q for sign in (1, -1)]
-    found = (pair[0] - pair[1]) / 2e-4
-    expected = _after_the_first(loop, kick, 30)
-    np.testing.assert_allclose(found, expected, atol=1e-5 * np.abs(expected).max())
-
-
-def _after_the_first(loop: Any, kick: np.ndarray, periods: int) -> np.ndarray:
-    """Small motion after a kick, with filters in the steady state of the first torque."""
-    matrix, plant, law = loop._open.closed(loop.law), loop.plant, loop.law
-    x, size, s = np.zeros(len(matrix)), len(plant.angles), len(loop._open.A)
-    x[size : 2 * size] = kick
-    u = law.K @ loop._open.C @ x[:s]  # without memory and filters, C z + D u of the steady state is u
-    F, d = loop.drive.filters, len(u)
-    e = -kick[plant.chain.active]
-    u = (loop.drive.kd + loop.drive.servo[:, 0] / RATE) * e
-    f = F.shape[1] - 1
-    z = [np.concatenate([[loop.drive.servo[i, 0] * e[i] / RATE, u[i]], F[i, :f, f + 2] * u[i]]) for i in range(d)]
-    torque = np.array([F[i, f, :f] @ z[i][2:] + F[i, f, f] * u[i] for i in range(d)])
-    queue = (s - len(plant.A)) // d
-    states = [x]
-    following = matrix @ x
-    # what the first instant leaves: its torques in the queue, and its memory
-    following[s:] = np.concatenate(z)
-    sampled = loop._open.A[: len(plant.A), : len(plant.A)] @ x[: len(plant.A)]
-    for i in range(d):
-        at = len(plant.A) + i * queue
-        following[at : at + queue] = torque[i]
-        sampled = sampled + torque[i] * (
-            loop._open.B[: len(plant.A), i] + loop._open.A[: len(plant.A), at : at + queue].sum(axis=1)
-        )
-    following[: len(plant.A)] = sampled
-    states.append(following)
-    for _ in range(periods - 1):
-        states.append(matrix @ states[-1])
-    return np.array(states)[:, :size] / plant.unit
-
-
 def test_poles_are_those_of_python_control() -> None:
     scene = cascaded(arm("z", "z"), filter=FILTERS, delay=0.004)
     chain = fl.lump(scene)

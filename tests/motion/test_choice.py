@@ -70,7 +70,3 @@ def test_drive_gains_and_dry_friction_lead_to_an_implicit_method() -> None:
     assert chosen(duration, drive={**pd, "kp": [stiff]}) == "Radau5"
     assert chosen(duration, drive={**pd, "kd": [braked]}) == "Radau5"
     assert chosen(duration, coulomb=braked, coulomb_width=1.0) == "Radau5"
-
-
-def test_a_run_without_duration_accepts_any_method() -> None:
-    assert fl.simulate(SCENE, duration=0.0, method="auto", relative_tolerance=1e-4).t.tolist() == [0.0]

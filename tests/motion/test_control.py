@@ -88,21 +88,20 @@ def test_a_continuous_law_in_python_equals_the_same_drive_of_the_scene() -> None
 
 
 BROKEN = {
-    "raises": (lambda t, q, qd: [1 / 0, 0.0] if t > 0.025 else [0.0, 0.0], "ZeroDivisionError"),
-    "shape": (lambda t, q, qd: [1.0] if t > 0.025 else [0.0, 0.0], r"returned \[1.0\]; expected .* shape \(2,\)"),
-    "nan": (lambda t, q, qd: [np.nan, 0.0] if t > 0.025 else [0.0, 0.0], "finite number per driven joint"),
-    "complex": (lambda t, q, qd: [1j, 0.0] if t > 0.025 else [0.0, 0.0], "finite number per driven joint"),
-    "text": (lambda t, q, qd: ["a", "b"] if t > 0.025 else [0.0, 0.0], "finite number per driven joint"),
+    "raises": lambda t, q, qd: [1 / 0, 0.0] if t > 0.025 else [0.0, 0.0],
+    "shape": lambda t, q, qd: [1.0] if t > 0.025 else [0.0, 0.0],
+    "nan": lambda t, q, qd: [np.nan, 0.0] if t > 0.025 else [0.0, 0.0],
+    "complex": lambda t, q, qd: [1j, 0.0] if t > 0.025 else [0.0, 0.0],
+    "text": lambda t, q, qd: ["a", "b"] if t > 0.025 else [0.0, 0.0],
 }
 
 
 @pytest.mark.parametrize("way", ["RK4", "Gauss4", "Radau9 within 10 µm", "DOP853 within 10 µm"])
 @pytest.mark.parametrize("broken", BROKEN)
 def test_a_failing_law_is_reported_with_its_time_and_the_samples_are_kept(broken: str, way: str) -> None:
-    law, _message = BROKEN[broken]
     for rate in [100.0, None] if way == "RK4" else [100.0]:
         with refused(fl.errors.ControlError, "controller-failed") as caught:
-            fl.simulate(arm("none"), control=law, rate=rate, **WAYS[way])
+            fl.simulate(arm("none"), control=BROKEN[broken], rate=rate, **WAYS[way])
         kept = caught.value.trajectory
         assert kept.t.tolist() == pytest.approx([0.0, 0.01, 0.02])
         free = fl.simulate(arm("none"), control=lambda t, q, qd: [0.0, 0.0], rate=rate, **WAYS[way], duration=0.02)
@@ -120,16 +119,12 @@ def test_a_failing_law_is_reported_with_its_time_and_the_samples_are_kept(broken
         ({"control": pd, "tolerance": 1e-4}, "controller-needs-rate"),
         ({"control": pd, "method": "Gauss4"}, "controller-needs-rate"),
         ({"control": pd, "rate": 100.0, "t0": 0.005}, "not-a-multiple"),
+        ({"control": pd}, "both-given"),
     ],
 )  # fmt: skip
 def test_invalid_control_arguments_are_refused(given: dict[str, object], message: str) -> None:
     with refused(fl.errors.ArgumentError, message):
-        fl.simulate(arm("none"), **given)
-
-
-def test_a_control_law_together_with_a_drive_is_refused() -> None:
-    with refused(fl.errors.ArgumentError, "both-given"):
-        fl.simulate(arm("pd"), control=pd)
+        fl.simulate(arm("pd" if message == "both-given" else "none"), **given)
 
 
 def test_a_simulator_keeps_its_state_if_the_energy_does_not_balance() -> None:

@@ -12,7 +12,6 @@ from flexlink.chain.chain import Chain
 from flexlink.common.interruption import Stop
 from flexlink.motion import evaluation_cost
 from flexlink.motion.evaluation_cost import (
-    evaluation_time,
     machine_factor,
     operation_costs,
     parts_of,
@@ -71,25 +70,6 @@ def test_constant_external_torques_add_no_predicted_cost() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("flex", ["z", "xyz"])
-def test_a_run_takes_about_the_predicted_time(flex: str) -> None:
-    """A factor of three is allowed: the run also checks its samples, and other programs share the caches."""
-    scene = make_scene(flexible("a", flex, 12), initial=fl.InitialState(joint_deg=(30.0,)))
-    chain = fl.lump(scene)
-    step, seconds = fl.stable_step(chain), machine_factor(problem_of(scene)) * step_cost(chain, "RK4")
-    samples, steps = 10, 2000
-    fl.simulate(scene, step=step / 2, sample=step, duration=step)  # compiles the kernels, before the timing
-    started = time.thread_time()
-    fl.simulate(scene, step=step / 2, sample=steps / samples * step / 2, duration=steps * step / 2)
-    taken = time.thread_time() - started
-    # the part that does not depend on the run length, for lumping and checking the step, is subtracted
-    started = time.thread_time()
-    fl.simulate(scene, step=step / 2, sample=step / 2, duration=samples * step / 2)
-    taken -= time.thread_time() - started
-    assert 1 / 3 < taken / steps / seconds < 3
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("name", "tolerance"), [("t3_spatial", 1e-4), ("paper_fig5", 1e-6)])  # a few hundred steps
 def test_an_implicit_step_takes_about_the_predicted_time(models, name: str, tolerance: float) -> None:
     """A factor of four is allowed: two for the number of Newton iterations, times two for other running programs."""
@@ -112,8 +92,3 @@ def test_an_implicit_step_takes_about_the_predicted_time(models, name: str, tole
 def test_predicted_cost_ratio_of_implicit_to_explicit_stages_is_in_measured_range(flex, segments, least, most) -> None:
     chain, stages = chain_of(flex, segments), 3  # Radau5 has three stages
     assert least < step_cost(chain, "Radau5") / (stages * run_cost(chain, "RK4", 1)) < most
-
-
-def test_evaluation_time_does_not_depend_on_the_number_of_evaluations() -> None:
-    scene = make_scene(flexible("a", "z", 12))
-    assert 1e-8 < evaluation_time(problem_of(scene)) < 1e-4

@@ -7,18 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 from mpmath import mp
-from scipy.integrate import solve_ivp
 from scipy.integrate._ivp import dop853_coefficients as published
 
 import flexlink as fl
 from flexlink.common.errors import SceneError
 from flexlink.describe.schemes.methods import method
-from flexlink.motion import method_steps
 from flexlink.motion.step_workspace import dense_weights
 from tests.campaigns.random_jumps import WRONG, outcome
 from tests.conftest import ROOT, compiled, flexible, make_scene
 from tests.describe.test_methods import from_file
-from validation.oracles.rooted_trees import inside, residuals
+from validation.oracles.rooted_trees import inside
 
 pytestmark = compiled
 IMPLICIT = ("Radau5", "Radau9")
@@ -83,30 +81,13 @@ def test_a_small_move_of_a_heavy_rotor_causes_no_energy_warning(tolerance: float
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 def test_a_loose_tolerance_does_not_cost_more_than_a_tight_one() -> None:
-    """An earlier version took 1,659 steps at 1e-2 m but 28 at 3e-3 m: it rejected long steps for stiff vibrations."""
+    """Errors of stiff vibrations shrink only once a step resolves them: steps that damp them are not rejected for them.
+
+    An earlier version took 1,659 steps at 1e-2 m; without ignoring them 415 evaluations are needed at 3e-3 m.
+    """
     loose, tight = (fl.simulate(struck(tolerance), method="Radau9").steps for tolerance in (1e-2, 3e-3))
-    assert loose.evaluations <= tight.evaluations
-
-
-@pytest.mark.slow
-def test_steps_after_a_jump_are_not_rejected_for_vibrations_that_they_damp() -> None:
-    """Errors of stiff vibrations shrink only once a step resolves them; ignoring them saves 185 of 415 evaluations."""
-    assert fl.simulate(struck(3e-3), method="Radau9").steps.evaluations < 320
-
-
-@pytest.mark.slow
-def test_samples_between_steps_have_the_order_of_the_error_estimate() -> None:
-    """Rates have order s + 1, so doubling the step length multiplies errors of samples inside steps by 2^(s + 1)."""
-    scene = struck(1e-3, torque=0.0).varied({"material.aluminium.young": 70e12, "material.aluminium.loss_time": 1e-5})
-    exact = fl.simulate(scene, method="DOP853", tolerance=1e-10, sample=0.01)
-    errors = []
-    for tolerance in (1e-3, 1e-5):
-        run = fl.simulate(scene, method="Radau5", tolerance=tolerance, sample=0.01)
-        errors.append((run.steps.taken, np.abs(run.qd[:, 0] - exact.qd[:, 0]).max()))
-    (few, large), (many, small) = errors
-    assert np.log(large / small) / np.log(many / few) > 3.0
+    assert loose.evaluations <= tight.evaluations < 320
 
 
 @pytest.mark.slow
@@ -167,33 +148,12 @@ def swing(scene: fl.Scene, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return parts.sum(axis=1).real, (parts * λ).sum(axis=1).real
 
 
-def double_pendulum(**changes: Any) -> fl.Scene:
-    """Two rigid links in space that fall and turn over."""
-    links = [
-        fl.Link(
-            name=name, length=length, material="aluminium", section="square", joint=fl.Joint(axis=axis, viscous=0.2)
-        )
-        for name, length, axis in (("a", 0.6, (0.0, 0.0, 1.0)), ("b", 0.4, (0.0, 0.6, 0.8)))
-    ]
-    scene = make_scene(*links, initial=fl.InitialState(joint_deg=(20.0, 70.0)), gravity=(0.0, -9.81, 0.0))
-    return scene.varied({**FINE, "run.duration": 1.0, "run.sample": 0.0025, **changes})
-
-
 def without_dense_output(folder: Path) -> str:
     """DOP853 without dense output coefficients, so that its steps end at samples."""
     text = (DORMAND_PRINCE.parent / "DOP853.toml").read_text("utf-8")
     path = folder / "ends_at_samples.toml"
     path.write_text(text[: text.index("dense_stages = [")], encoding="utf-8")
     return str(path)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("x", PLACES)
-def test_dense_output_of_rates_meets_all_order_7_conditions(x: Fraction) -> None:
-    """The conditions of all rooted trees up to order 7 are met inside the step, but not all of order 8."""
-    found = inside(method("DOP853"), x)
-    assert max(max(residuals(found, order)) for order in range(1, 8)) <= 1e-22
-    assert max(residuals(found, 8)) > 1e-5
 
 
 def test_dense_output_coefficients_equal_the_published_ones() -> None:
@@ -219,7 +179,6 @@ def test_dense_rates_use_the_published_weights_and_dense_angles_their_integral(x
     np.testing.assert_allclose(twice @ powers, whole @ powers + left * (3 - 2 * at), rtol=0, atol=1e-12)
 
 
-@compiled
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-6, 1e-8])
 def test_every_sample_of_a_spring_is_within_the_tolerance(tolerance: float) -> None:
     """The samples are compared with the closed form; a step contains more than three samples on average."""
@@ -232,47 +191,6 @@ def test_every_sample_of_a_spring_is_within_the_tolerance(tolerance: float) -> N
     assert not run.warnings
 
 
-@compiled
-@pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-7])
-def test_every_sample_of_a_tumbling_double_pendulum_is_within_the_tolerance(tolerance: float) -> None:
-    scene = double_pendulum(**{"run.tolerance": tolerance})
-    run = fl.simulate(scene)
-    chain = run.chain
-
-    def rates(_t: float, y: np.ndarray) -> np.ndarray:
-        q, qd = y[: chain.n], y[chain.n :]
-        return np.concatenate([qd, fl.forward_dynamics(chain, q, qd, np.zeros(chain.n))])
-
-    start = np.concatenate([run.q[0], run.qd[0]])
-    exact = solve_ivp(rates, (0.0, 1.0), start, "Radau", run.t, rtol=1e-10, atol=1e-11).y[: chain.n].T
-    truth = np.array([fl.tip_position(chain, q) for q in exact])
-    assert run.steps.taken < len(run.t) / 5
-    assert np.linalg.norm(run.tip - truth, axis=1).max() <= tolerance
-    assert np.abs(run.imbalance).max() <= 10.0 * tolerance * np.ptp(run.energy.gravity)
-
-
-@compiled
-def test_errors_inside_steps_are_of_order_8_for_angles_and_rates(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With steps of fixed length h and 40 samples in each, errors scale as h⁸.
-
-    Angle errors accumulate over the steps; rates of order 7 have an error proportional to h⁸ within one step.
-    """
-
-    def largest(step: float) -> tuple[float, float]:
-        def of_this_length(*_: object) -> tuple[float, ...]:
-            return 1e9, 0.0, step, np.inf, 0.05, 8.0, 2.0, 1e-12, step
-
-        monkeypatch.setattr(method_steps, "settings", of_this_length)
-        run = fl.simulate(spring(duration=2.0, sample=step / 40, tolerance=1e-2, unstable="allow"))
-        whole = run.t > 5 * step  # the first steps are shorter than the fixed length
-        q, qd = swing(run.scene, run.t)
-        return np.abs(run.q[:, 0] - q)[whole].max(), np.abs(run.qd[:, 0] - qd)[whole].max()
-
-    coarse, fine = np.array(largest(0.05)), np.array(largest(0.025))
-    assert (np.log2(coarse / fine) > (7.8, 7.6)).all()
-
-
-@compiled
 def test_only_steps_with_an_inner_sample_take_the_extra_stages() -> None:
     """A step takes twelve evaluations, and three more if it contains a sample; the motion is the same."""
     ends, many = (fl.simulate(spring(duration=2.0, sample=sample, tolerance=1e-6)) for sample in (2.0, 0.005))
@@ -285,7 +203,6 @@ def test_only_steps_with_an_inner_sample_take_the_extra_stages() -> None:
     np.testing.assert_array_equal(ends.work[-1], many.work[-1])
 
 
-@compiled
 @pytest.mark.parametrize("drive", [None, fl.Drive(kind="pd", kp=(9.0,), kd=(0.3,), target_deg=(10.0,), rate=50.0)])
 def test_steps_end_at_samples_if_samples_are_sparse(drive: fl.Drive | None, tmp_path: Path) -> None:
     """Results, evaluations and work are bitwise equal to those of the method without dense output."""
@@ -303,7 +220,6 @@ def test_steps_end_at_samples_if_samples_are_sparse(drive: fl.Drive | None, tmp_
     assert one.steps[1:5] == other.steps[1:5]
 
 
-@compiled
 def test_steps_end_at_torque_jumps_with_any_sampling() -> None:
     """The torque jumps at 0.0731 s, between two samples; without the jump, a step would pass over this time."""
     jump = fl.Drive(kind="table", times=(0.0, 0.0731), torques=((0.0,), (2.0,)), hold=True)
@@ -315,7 +231,6 @@ def test_steps_end_at_torque_jumps_with_any_sampling() -> None:
     assert run.steps.taken < 20
 
 
-@compiled
 def test_a_user_loop_gives_the_results_of_a_run_with_dense_output() -> None:
     """The law is evaluated eight times a second; the run stores 16 samples in between, which the loop does not read."""
 
@@ -333,18 +248,6 @@ def test_a_user_loop_gives_the_results_of_a_run_with_dense_output() -> None:
     assert run.steps.taken < len(run.t) / 3
 
 
-@compiled
-def test_dense_output_is_the_same_in_batches_and_from_archives(tmp_path: Path) -> None:
-    scene = double_pendulum(**{"run.tolerance": 1e-5})
-    run, problem = fl.simulate(scene), fl.Problem(scene)
-    others = [*fl.simulate_many([scene, scene.varied({"gravity": (0.0, -9.0, 0.0)}), scene])[::2], problem.simulate()]
-    for other in (*others, problem.simulate(), fl.Trajectory.load(run.save(tmp_path / "run.npz"))):
-        for part in ("t", "q", "qd", "tip", "work", "imbalance"):
-            np.testing.assert_array_equal(getattr(other, part), getattr(run, part))
-        assert other.steps == run.steps
-
-
-@compiled
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-8])
 def test_a_step_with_a_large_inner_error_is_shortened(tolerance: float) -> None:
     """Near the stability limit of a decay, the error is small at the end of a step but not inside the step.
@@ -357,7 +260,6 @@ def test_a_step_with_a_large_inner_error_is_shortened(tolerance: float) -> None:
     assert np.abs(run.q[:, 0] - q).max() <= 0.5 * tolerance
 
 
-@compiled
 def test_a_user_method_has_dense_output_without_extra_stages(tmp_path: Path) -> None:
     """DOPRI5 gets Hairer's error estimate and dense output of seven weights, with which samples have order 4."""
     text = DORMAND_PRINCE.read_text("utf-8")

@@ -9,7 +9,6 @@ import pytest
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.motion.loop.instability import instability
-from flexlink.motion.loop.law import open_loop
 from flexlink.motion.loop.loop import Loop
 from tests.campaigns.random_loops import WRONG, judged, random_loop
 from tests.conftest import flexible, make_scene
@@ -143,27 +142,6 @@ def grown(scene: fl.Scene) -> bool:
     kick[chain.active] = 1e-4
     size = np.linalg.norm(fl.simulate(scene.varied({"run": run}), qd0=kick).q, axis=1)
     return bool(size[1000:].max() > size[600:800].max())
-
-
-def test_the_frequency_response_is_that_of_small_sines_through_the_nonlinear_run() -> None:
-    """The law adds a sine d to its torque u: L = −U/(U + D), with U and D the Fourier coefficients at its frequency."""
-    scene = driven(arm("z"), 6.0, 0.7, rate=400.0, delay=0.0011)
-    loop = fl.loop(scene)
-    (kp,), (kd,) = scene.drive.kp or (), scene.drive.kd or ()
-    undriven, per, cycles = scene.varied({"drive": None}), 40, 60  # samples per cycle: 10 Hz
-    said: list[float] = []
-
-    def law(t: float, q: np.ndarray, qd: np.ndarray) -> list[float]:
-        said.append(-kp * q[0] - kd * qd[0])
-        return [said[-1] + 1e-3 * np.sin(2 * np.pi * 10.0 * t)]
-
-    run = fl.RunSettings(duration=per * cycles / 400.0, sample=1 / 400.0, tolerance=1e-11)
-    fl.simulate(undriven.varied({"run": run}), control=law, rate=400.0, delay=0.0011)
-    wave = np.exp(-2j * np.pi * np.arange(per) / per)
-    U = (np.array(said[-per - 1 : -1]) * np.roll(wave, 0)).sum()
-    first = len(said) - per - 1
-    D = (1e-3 * np.sin(2 * np.pi * np.arange(first, first + per) / per) * wave).sum()
-    assert loop.response([10.0])[0] == pytest.approx(-U / (U + D), rel=1e-4)
 
 
 def test_a_law_in_python_has_the_loop_of_the_same_drive() -> None:
@@ -325,15 +303,6 @@ def test_the_command_prints_poles_and_margins_and_returns_1_if_unstable(tmp_path
     assert document["stable"] is False
     assert [row["growth"] > 1 for row in document["over"]] == [False, True]
     assert main([*sampled, "--over", "drive.kd"]) == 2
-
-
-def test_delays_of_each_input_act_on_that_input_alone() -> None:
-    loop = fl.loop(driven(arm("z", "z"), 4.0, 0.6, rate=500.0))
-    both = open_loop(loop.plant, 500.0, 0.0013)
-    np.testing.assert_array_equal(open_loop(loop.plant, 500.0, [0.0013, 0.0013]).A, both.A)
-    one = open_loop(loop.plant, 500.0, [0.0, 0.0013])
-    assert len(one.A) == len(loop.plant.A) + 1
-    np.testing.assert_allclose(one.B[: len(loop.plant.A), 1], both.B[: len(loop.plant.A), 1])
 
 
 def test_the_delay_margin_of_an_input_leaves_the_others_on_time() -> None:

@@ -3,7 +3,6 @@
 import itertools
 from typing import Any
 
-import mpmath
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -51,35 +50,6 @@ def sliding(width: float, **changes: Any) -> fl.Scene:
     return scene.varied({"drive": drive, "run.duration": 2.0, "run.sample": 0.1, "run.tolerance": 1e-4, **changes})
 
 
-def angle_by_events(inertia: float) -> float:
-    """Final angle with exact Coulomb friction, to 30 digits: the motion is a polynomial between events."""
-    with mpmath.workdps(30):
-        q = v = mpmath.mpf(0)
-        for t0, t1, a, b in zip(TIMES, TIMES[1:], TORQUES, TORQUES[1:], strict=False):
-            slope, t, end = (mpmath.mpf(b) - a) / (mpmath.mpf(t1) - t0), mpmath.mpf(0), mpmath.mpf(t1) - t0
-            while t < end:
-                tau = a + slope * t
-                if v == 0 and abs(tau) <= DRY:  # the joint sticks until the torque exceeds the friction
-                    away = [(s * DRY - a) / slope for s in (-1, 1) if s * slope > 0]
-                    t = min([end, *(x for x in away if x > t)])
-                    if t < end:
-                        v = mpmath.sign(slope) * mpmath.mpf(10) ** -25
-                    continue
-                sign = mpmath.sign(v)
-                α, β = (tau - sign * DRY) / inertia, slope / inertia
-                root = mpmath.sqrt(α**2 - 2 * β * v) if α**2 > 2 * β * v else mpmath.nan
-                ahead = [x for x in ((-α + root) / β, (-α - root) / β) if x > 1e-12]  # time at which v reaches 0
-                δ = min([end - t, *ahead])
-                q, v = q + v * δ + α * δ**2 / 2 + β * δ**3 / 6, v + α * δ + β * δ**2 / 2
-                t += δ
-                if δ in ahead:
-                    v = mpmath.mpf(0)
-                    now = a + slope * t
-                    if abs(now) > DRY:  # the velocity reverses without sticking
-                        v = mpmath.sign(now) * mpmath.mpf(10) ** -25
-        return float(q)
-
-
 def angle_by_scipy(inertia: float, width: float) -> float:
     """Final angle with flexlink's regularized friction, integrated by SciPy from knot to knot."""
     state = np.zeros(2)
@@ -93,16 +63,12 @@ def angle_by_scipy(inertia: float, width: float) -> float:
 def test_the_cost_of_stick_slip_is_independent_of_the_friction_width(width: float) -> None:
     scene = sliding(width)
     inertia = float(fl.mass_matrix(fl.lump(scene), np.zeros(1))[0, 0])
-    exact = angle_by_scipy(inertia, width) if width > 1e-5 else angle_by_events(inertia)
+    exact = angle_by_scipy(inertia, width)
     reach = fl.lump(scene).reach
     for tolerance in (1e-4, 1e-5):
         run = fl.simulate(scene, method="Radau5", tolerance=tolerance)
         assert abs(run.q[-1, 0] - exact) * reach <= 5.0 * tolerance + 2.0 * reach * (width <= 1e-5) * width
         assert run.steps.evaluations <= 1500
-
-
-def test_both_stick_slip_references_agree() -> None:
-    assert angle_by_events(0.3) == pytest.approx(angle_by_scipy(0.3, 1e-5), abs=3e-5)
 
 
 BENDS = {"link.a.flex": "z", "link.a.segments": 7, "section.square.height": 0.02}

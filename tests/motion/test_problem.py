@@ -15,26 +15,10 @@ from flexlink.describe.data_files import names
 from flexlink.describe.schemes.methods import method as load_method
 from flexlink.motion.inputs.problem import started_from
 from tests.conftest import flexible, make_scene
+from tests.matrix.runs import same
 from tests.support.words import refused
 
-FIXED, IMPLICIT = {"run.step": 1e-4}, {"run.method": "Gauss4", "run.step": 2e-3}
-STEPS: dict[str, dict[str, object]] = {
-    "fixed": FIXED,
-    "lu": {**FIXED, "run.solver": "lu"},
-    "implicit": IMPLICIT,
-    "tolerance": {"run.tolerance": 1e-4},
-    "explicit with a tolerance": {"run.tolerance": 1e-4, "run.method": "DOP853"},
-    "Radau5": {"run.tolerance": 1e-3, "run.method": "Radau5"},
-}
-WRENCH = fl.Wrench(times=(0.0, 0.03), forces=((0.0, 0.0, 0.0), (2.0, 1.0, 0.0)), frame="tip")
-
-
-def same(one: fl.Trajectory, other: fl.Trajectory) -> None:
-    """Check that two runs are bit-equal in samples, warnings and steps."""
-    for name in ("t", "q", "qd", "tau", "tip", "work", "tip_wrench"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
-    np.testing.assert_array_equal(one.energy.parts, other.energy.parts)
-    assert (one.warnings, one.steps, one.scene) == (other.warnings, other.steps, other.scene)
+FIXED = {"run.step": 1e-4}
 
 
 def alone(scene: fl.Scene, **arguments: Any) -> fl.Trajectory:
@@ -42,23 +26,9 @@ def alone(scene: fl.Scene, **arguments: Any) -> fl.Trajectory:
     return fl.simulate(scene.varied({"name": scene.name}), **arguments)
 
 
-@pytest.mark.parametrize("steps", STEPS)
-@pytest.mark.parametrize("given", ["smooth", "computed, sampled", "motion", "wrench"])
-def test_runs_of_a_problem_are_bit_equal_to_simulate_whatever_ran_before(given: str, steps: str) -> None:
-    scene = arm(given if given in DRIVES else "linear", **{"run.unstable": "allow"}).varied(STEPS[steps])
-    scene = scene.varied(
-        {"motion": (MOTION,)} if given == "motion" else {"wrench": WRENCH} if given == "wrench" else {}
-    )
-    problem, first = fl.Problem(scene), alone(scene)
-    q = first.q[0] + (0.0 if given == "motion" else 0.01)
-    starts = [{}, {"q0": q}, {"qd0": 0.0 * q}, {"q0": first.q[3], "qd0": first.qd[3], "t0": float(first.t[3])}]
-    for start in [*starts, {"duration": 0.03}, starts[1], {}]:
-        same(problem.simulate(**start), alone(scene, **start))
-
-
-@pytest.mark.parametrize("steps", ["fixed", "tolerance"])
-def test_a_python_control_law_drives_a_problem_like_a_run(steps: str) -> None:
-    scene = arm("none").varied(STEPS[steps])
+@pytest.mark.parametrize("steps", [FIXED, {"run.tolerance": 1e-4}], ids=["fixed", "tolerance"])
+def test_a_python_control_law_drives_a_problem_like_a_run(steps: dict[str, float]) -> None:
+    scene = arm("none").varied(steps)
     problem = fl.Problem(scene)
     for options in ({}, {"control": law, "rate": 500.0}, {}, {"control": law, "rate": 250.0}):
         same(problem.simulate(**options), alone(scene, **options))
@@ -194,31 +164,6 @@ def test_a_continued_run_equals_the_uninterrupted_run_to_the_bit(method: str, gi
         rest = fl.simulate(scene, q0=q, qd0=qd, t0=t, duration=(8 - k) * 0.01, **options)
         for name in ("t", "q", "qd", "tau", "tip"):
             np.testing.assert_array_equal(getattr(rest, name), getattr(whole, name)[k:], err_msg=name)
-
-
-ALIKE = {"ratio": 0.05, "law": "constant"}
-
-
-@pytest.mark.parametrize("method", ["RK4", "Radau5"])
-def test_constant_ratio_dampers_stay_the_same_in_continued_runs(method: str, tmp_path: Path) -> None:
-    scene = arm("pd", **{"link.*.damping": ALIKE, "run.method": method})
-    whole = fl.simulate(scene)
-    t, q, qd = whole.state(4)
-    start = {"q0": q, "qd0": qd, "t0": t, "duration": 0.04}
-    described = scene.varied({"initial.q": q, "initial.qd": qd, "initial.time": t, "run.duration": 0.04})
-    read = fl.load_scene(described.save(tmp_path / "continued.toml"))
-    rests = [fl.simulate(scene, **start), fl.Problem(scene).simulate(**start), fl.simulate(read)]
-    rests += [fl.Trajectory.load(rests[0].save(tmp_path / "rest.npz"))]
-    for rest in rests:
-        assert rest.chain.couplings.tobytes() == whole.chain.couplings.tobytes()
-        assert rest.chain.hinges.tobytes() == whole.chain.hinges.tobytes()
-        for name in ("t", "q", "qd", "tau", "tip"):
-            np.testing.assert_array_equal(getattr(rest, name), getattr(whole, name)[4:], err_msg=name)
-    stepped = fl.Simulator(scene)
-    stepped.reset(q, qd, time=t)
-    assert stepped.step().q.tolist() == whole.q[5].tolist()
-    elsewhere = fl.lump(scene.varied({"initial.joint_deg": [-80.0, 60.0]}))
-    assert elsewhere.couplings.tobytes() != whole.chain.couplings.tobytes()
 
 
 @pytest.mark.parametrize("method", ["Gauss6", "RK4"])

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 from scipy.integrate import solve_ivp
-from scipy.special import ellipj
 
 import flexlink as fl
 from flexlink.cli.main import main
@@ -18,11 +17,7 @@ from tests.conftest import compiled, flexible, make_scene
 from tests.support.words import refused
 
 ROOT = Path(__file__).parents[2]
-SLIDE = fl.Joint(kind="prismatic", axis=(1.0, 0.0, 0.0))
 STILL = {"gravity": (0.0, 0.0, 0.0)}
-BY_TOLERANCE = [{"method": name, "tolerance": 1e-5} for name in ("auto", "DOP853", "Radau5", "Radau9")]
-BY_STEP = [{"method": name, "step": 1e-3} for name in ("RK4", "DOP853", "Gauss6", "Radau5")]
-EVERY = pytest.mark.parametrize("run", [*BY_TOLERANCE, *BY_STEP], ids=lambda run: "-".join(map(str, run.values())))
 
 
 def cart(mass: float = 2.0, **joint: Any) -> fl.Link:
@@ -36,10 +31,6 @@ def wheel(inertia: float = 0.1, mass: float = 5.0, **joint: Any) -> fl.Link:
     """A hub that turns about its own axis."""
     hub = fl.RigidBody(mass=mass, inertia=(inertia / 2, inertia / 2, inertia))
     return fl.Link(name="wheel", joint=fl.Joint(**joint), hub=hub)
-
-
-def settled(run: dict[str, Any], duration: float) -> fl.RunSettings:
-    return fl.RunSettings(duration=duration, sample=0.05, **run)
 
 
 @pytest.mark.parametrize(
@@ -115,72 +106,6 @@ def test_a_last_link_without_moving_points_is_within_the_tolerance(method: str) 
     start = np.concatenate([run.q[0], run.qd[0]])
     truth = solve_ivp(rates, (0.0, 2.0), start, "DOP853", run.t, rtol=1e-11, atol=1e-12)
     assert np.abs(run.q - truth.y[:2].T).max() * chain.turning_radii[1] < 1e-5
-
-
-@compiled
-@EVERY
-def test_a_cart_on_a_spring_follows_its_closed_form(run: dict[str, Any]) -> None:
-    """With the drive gain k, x = x₀ cos √(k/m) t within the tolerance, or within 1e-6 with 600 steps per period."""
-    drive = fl.Drive(kind="pd", kp=(200.0,), kd=(0.0,), target_m=(0.0,))
-    start = fl.InitialState(joint_m=(0.1,))
-    found = fl.simulate(make_scene(cart(), drive=drive, initial=start, run=settled(run, 2.0), **STILL))
-    off = np.abs(found.q[:, 0] - 0.1 * np.cos(10.0 * found.t)).max()
-    assert found.t[-1] == 2.0
-    assert off <= 3 * run.get("tolerance", 1e-6)
-
-
-@compiled
-@EVERY
-def test_two_masses_on_an_elastic_gear_vibrate_against_each_other(run: dict[str, Any]) -> None:
-    """The twist is a cos ω t with ω² = k (1/J + 1/I), and the motor turns by I/(I + J) times the change of twist."""
-    motor, load, k, twist = 0.05, 0.1, 30.0, 0.2
-    gear = wheel(load, armature=motor, gear_stiffness=k, gear_damping=0.0)
-    initial = fl.InitialState(q=(0.0, twist), qd=(0.0, 0.0))
-    found = fl.simulate(make_scene(gear, initial=initial, run=settled(run, 2.0), **STILL))
-    ω, share = np.sqrt(k * (1 / motor + 1 / load)), load / (load + motor)
-    wanted = np.column_stack([share * twist * (1 - np.cos(ω * found.t)), twist * np.cos(ω * found.t)])
-    limit = 3 * run.get("tolerance", 2e-6) / found.chain.size
-    assert np.abs(found.q - wanted).max() <= limit
-
-
-def spun(t: Array, ω: tuple[float, float]) -> Array:
-    """ω of a free body with I = 1, 2, 3 that starts at (ω₁, 0, ω₃) about axis 3, by Jacobi's elliptic functions."""
-    one, three = ω
-    energy, square = one**2 + 3 * three**2, one**2 + (3 * three) ** 2  # 2 T, L²
-    assert square > 2 * energy
-    rate = np.sqrt((square - energy) / 6)
-    sn, cn, dn, _ = ellipj(rate * t, (3 * energy - square) / (square - energy))
-    sizes = np.sqrt([(3 * energy - square) / 2, (3 * energy - square) / 2, (square - energy) / 6])
-    return np.asarray(np.column_stack([cn, sn, dn]) * sizes)
-
-
-@compiled
-@pytest.mark.slow
-@EVERY
-def test_a_free_body_tumbles_as_in_jacobi_s_solution(run: dict[str, Any]) -> None:
-    """The error grows about in proportion to the number of turns and is within 30 tolerances of angle and rate."""
-    base = fl.Base(kind="free", mass=4.0, inertia=(1.0, 2.0, 3.0))
-    arm = fl.Arm(links=(fl.Link(name="box", joint=fl.Joint(locked=True)),), base=base)
-    initial = fl.InitialState(joint_deg=(0.0,), base=fl.details.BaseState(spin=(1.2, 0.0, 1.0)))
-    scene = fl.Scene(name="box", arm=arm, initial=initial, run=settled(run, 10.0), gravity=(0.0, 0.0, 0.0))
-    found = fl.simulate(scene)
-    assert found.base is not None
-    assert found.t[-1] == 10.0
-    limit = 30 * run.get("tolerance", 1e-6) / found.chain.size
-    assert np.abs(found.base.spin - spun(found.t, (1.2, 1.0))).max() <= limit
-
-
-@compiled
-def test_a_pendulum_without_moving_points_meets_its_tolerance() -> None:
-    """The rotation of a hub with an offset mass moves no hinge or tip, so the error norm uses angle times `size`."""
-    bob = fl.Link(name="bob", hub=fl.RigidBody(mass=1.0, center=(0.5, 0.0, 0.0), inertia=(0.01, 0.01, 0.01)))
-    scene = make_scene(bob, gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_deg=(60.0,)))
-    exact = fl.simulate(scene.varied({"run": fl.RunSettings(method="RK4", step=1e-3, duration=3.0, sample=0.05)}))
-    for name in ("auto", "DOP853", "Radau5", "Radau9"):
-        found = fl.simulate(
-            scene.varied({"run": fl.RunSettings(method=name, tolerance=1e-3, duration=3.0, sample=0.05)})
-        )
-        assert np.abs(found.q - exact.q).max() * found.chain.size <= 3e-3
 
 
 @compiled

@@ -130,18 +130,24 @@ def euler(t: np.ndarray) -> np.ndarray:
     return np.asarray(found.y.T)
 
 
-def test_if_samples_limit_the_steps_the_second_run_halves_them(monkeypatch) -> None:
-    """Tolerances of 1e-3 and 1e-6 m give the same steps, so a run with a tenth of the tolerance verifies nothing."""
+@pytest.fixture
+def begun(monkeypatch: pytest.MonkeyPatch) -> list[single.SingleRun]:
+    """All runs that begin in a test."""
     runs: list[single.SingleRun] = []
     begin = single.SingleRun.advance
     monkeypatch.setattr(
         single.SingleRun, "advance", lambda run, *some, **named: runs.append(run) or begin(run, *some, **named)
     )
+    return runs
+
+
+def test_if_samples_limit_the_steps_the_second_run_halves_them(begun: list[single.SingleRun]) -> None:
+    """Tolerances of 1e-3 and 1e-6 m give the same steps, so a run with a tenth of the tolerance verifies nothing."""
     run = fl.simulate(tumbling_body())
     assert run.base is not None
     assert np.abs(run.base.spin - euler(run.t)).max() < 3 * 1e-4 / run.chain.reach  # the first run misses this
     assert not doubts(run)
-    first, second, *_ = (each.steps.steps.taken for each in runs)
+    first, second, *_ = (each.steps.steps.taken for each in begun)
     assert second > 1.9 * first
 
 
@@ -179,42 +185,32 @@ def test_a_spinning_arm_meets_its_tolerance() -> None:
         assert np.abs(run.tip - exact.tip).max() <= 3.0 * tolerance * run.chain.reach
 
 
-def test_only_motions_with_large_rotations_have_a_verification_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    runs: list[Monitor] = []
-    begin = single.SingleRun.advance
-    monkeypatch.setattr(
-        single.SingleRun, "advance", lambda run, *some, **named: runs.append(run.monitor) or begin(run, *some, **named)
-    )
+def test_only_motions_with_large_rotations_have_a_verification_run(begun: list[single.SingleRun]) -> None:
     for rate, wanted in ((90.0, 1), (36000.0, 2)):
-        runs.clear()
+        begun.clear()
         fl.simulate(spinning(rate), relative_tolerance=1e-2)
-        assert min(len(runs), 2) == wanted  # if a loose comparison run differs, finer ones follow
+        assert min(len(begun), 2) == wanted  # if a loose comparison run differs, finer ones follow
     bends = spinning(36000.0).varied({"link.*.flex": "z", "link.*.segments": 3})
-    runs.clear()
+    begun.clear()
     fl.simulate(bends, relative_tolerance=1e-1, accuracy="deflection")
-    assert [(monitor.run.method, monitor.run.relative_tolerance) for monitor in runs[:2]] == [
+    assert [(each.monitor.run.method, each.monitor.run.relative_tolerance) for each in begun[:2]] == [
         ("DOP853", 0.1), ("DOP853", pytest.approx(1e-2)),
     ]  # fmt: skip
     for duration, wanted in ((0.5, 1), (5.0, 2)):
-        runs.clear()
+        begun.clear()
         fl.simulate(tumbling(1e-3), duration=duration)
-        assert min(len(runs), 2) == wanted  # if a loose verification run differs, a stricter one follows
+        assert min(len(begun), 2) == wanted  # if a loose verification run differs, a stricter one follows
 
 
-def test_a_large_energy_error_within_tolerance_starts_a_second_run(monkeypatch) -> None:
+def test_a_large_energy_error_within_tolerance_starts_a_second_run(begun: list[single.SingleRun]) -> None:
     """The integrator damps vibrations below the tolerance and thereby dissipates most of the energy."""
-    runs: list[Monitor] = []
-    begin = single.SingleRun.advance
-    monkeypatch.setattr(
-        single.SingleRun, "advance", lambda run, *some, **named: runs.append(run.monitor) or begin(run, *some, **named)
-    )
     zigzag = fl.InitialState(q=(0.0, 0.03, -0.03, 0.03, -0.03))
     scene = make_scene(flexible("a", segments=5), initial=zigzag)
     scene = scene.varied({"run": fl.RunSettings(method="Radau5", tolerance=0.05, duration=1.0, sample=0.01)})
     run = fl.simulate(scene)
     assert np.abs(run.imbalance[-1]) > balance.SHARE * run.exchanged[-1]
-    assert len(runs) == 2
-    assert runs[0].confirmed
+    assert len(begun) == 2
+    assert begun[0].monitor.confirmed
     assert run.warnings == ()
 
 
