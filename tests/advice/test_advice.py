@@ -48,9 +48,6 @@ def outcome(tip: Array, evaluations: int = 100, why: str = "") -> Outcome:
     return Outcome(tip, 1e-6 * evaluations, cast("Any", run), Stepping("Radau5"), why)
 
 
-# models
-
-
 class Beams:
     """Link k has the known error C_k / N² with N hinges, or 20 C_k if rigid, plus `less` for missing axes."""
 
@@ -100,13 +97,6 @@ def test_allocation_uses_the_fewest_hinges_that_meet_the_error_limit(constants, 
     assert model is not None
     assert beams.error(model) <= allowed
     assert hinges_of(model) <= cheapest_of_all(beams, allowed) + 1
-
-
-def test_hinge_counts_scale_with_the_cube_root_of_the_link_errors() -> None:
-    model = allocation(Beams(1.0, 8.0)).cheapest(0.02)
-    assert model is not None
-    first, second = (bend.hinges for bend in model if bend)
-    assert second / first == pytest.approx(2.0, rel=0.1)
 
 
 def test_links_become_rigid_and_axes_are_dropped_if_the_error_limit_allows_it() -> None:
@@ -196,9 +186,6 @@ def test_dropping_a_bending_axis_adds_the_measured_error(measured: tuple[ModelRu
             assert link_errors.error(model) == pytest.approx(error, rel=0.05)
 
 
-# steps
-
-
 class Oracle:
     """A substitute runner for one link; errors and costs are known from the factor `tolerance / allowed error`.
 
@@ -260,15 +247,17 @@ def test_tolerances_are_loosened_by_2_then_by_the_root_of_2_while_the_error_stay
     assert {1.0, 2.0, 4.0, 8.0, 16.0, factor} <= oracle.factors
 
 
-def test_a_finer_model_is_chosen_if_a_looser_tolerance_makes_it_cheaper() -> None:
-    _, hinges, factor = searched(lambda x: 0.01 * x, lambda x: 0.1 / x)
-    assert (hinges, factor) == (5, 32.0)
-
-
-def test_fewer_hinges_are_chosen_if_errors_cancel() -> None:
-    """Steps with eight times the allowed error make the model with three hinges accurate."""
-    _, hinges, factor = searched(lambda x: -0.7 if x == 8.0 else 0.01 * x, lambda x: 0.1 * x**-0.1)
-    assert (hinges, factor) == (3, 8.0)
+@pytest.mark.parametrize(
+    ("of_steps", "evaluations", "chosen"),
+    [
+        (lambda x: 0.01 * x, lambda x: 0.1 / x, (5, 32.0)),  # a looser tolerance makes a finer model cheaper
+        (lambda x: -0.7 if x == 8.0 else 0.01 * x, lambda x: 0.1 * x**-0.1, (3, 8.0)),  # errors cancel
+        (lambda x: 0.01 * x, lambda x: 0.1 * max(1 / x, x / 16), (4, 4.0)),  # the cheapest tolerance
+        (lambda x: 2.0 * x, lambda x: 0.1 * x**-0.25, (6, 0.25)),  # the step error is too large
+    ],
+)
+def test_the_cheapest_hinges_and_tolerance_are_chosen(of_steps: Errors, evaluations: Errors, chosen) -> None:
+    assert searched(of_steps, evaluations)[1:] == chosen
 
 
 @pytest.mark.parametrize(("explicit", "tried", "chosen"), [(0.5, True, True), (1.5, True, False), (9.0, False, False)])
@@ -278,24 +267,11 @@ def test_explicit_steps_are_tried_if_stability_allows_and_chosen_if_cheaper(expl
     assert (runner.chosen == "DOP853") == chosen
 
 
-def test_the_cheapest_tolerance_is_chosen() -> None:
-    _, hinges, factor = searched(lambda x: 0.01 * x, lambda x: 0.1 * max(1 / x, x / 16))
-    assert (hinges, factor) == (4, 4.0)
-
-
-def test_the_tolerance_is_tightened_if_the_step_error_is_too_large() -> None:
-    _, hinges, factor = searched(lambda x: 2.0 * x, lambda x: 0.1 * x**-0.25)
-    assert (hinges, factor) == (6, 0.25)
-
-
 @pytest.mark.parametrize(("fixed", "taken"), [(0.01, True), (9.0, False)])
 def test_fixed_steps_are_chosen_if_they_are_predicted_to_be_cheaper(fixed: float, taken: bool) -> None:
     oracle, _, factor = searched(lambda x: 0.01 * x, lambda x: 0.1 * x**-0.25, fixed)
     assert (0.0 in oracle.factors) == taken
     assert (factor == 0.0) == taken
-
-
-# limits
 
 
 def study_of_levels(family: str = "gauss", **paths: Array) -> RefinementStudy:
@@ -309,19 +285,16 @@ def study_of_levels(family: str = "gauss", **paths: Array) -> RefinementStudy:
     return refinement
 
 
-def test_second_order_levels_are_extrapolated_to_their_exact_limit() -> None:
-    paths = {f"n{n}": along_x(0.0, 0.1 + 1e-3 / n**2, 0.2 + 4e-3 / n**2) for n in (1, 2, 4)}
-    limit = study_of_levels(**paths).limit
-    assert limit is not None
-    assert limit.tip == pytest.approx(along_x(0.0, 0.1, 0.2), abs=1e-15)
+LEVELS = [(4, 8, 12), (8, 12, 16), (12, 16, 24), (24, 32, 48)]
 
 
-@pytest.mark.parametrize("order", [2, 4])
-@pytest.mark.parametrize("levels", [(4, 8, 12), (8, 12, 16), (12, 16, 24), (24, 32, 48)])
-def test_cell_levels_are_extrapolated_to_their_exact_limit_with_the_order_that_they_show(levels, order) -> None:
+@pytest.mark.parametrize(
+    ("family", "levels", "order"), [("gauss", (1, 2, 4), 2), *(("lobatto", n, p) for n in LEVELS for p in (2, 4))]
+)
+def test_levels_are_extrapolated_to_their_exact_limit_with_the_order_that_they_show(family, levels, order) -> None:
     """Large bending in space reduces the order of cells to 2."""
     paths = {f"n{n}": along_x(0.0, 0.1 + 1e-3 / n**order, 0.2 + 4e-3 / n**order) for n in levels}
-    limit = study_of_levels("lobatto", **paths).limit
+    limit = study_of_levels(family, **paths).limit
     assert limit is not None
     assert limit.tip == pytest.approx(along_x(0.0, 0.1, 0.2), abs=1e-15)
 
@@ -420,9 +393,6 @@ def test_if_the_last_strict_run_fails_a_coarser_level_estimates_the_step_error()
     assert refinement.limit is before
 
 
-# horizons
-
-
 @pytest.mark.parametrize(
     ("off", "known", "holds"),
     [
@@ -437,9 +407,6 @@ def test_the_horizon_is_the_last_sample_before_the_tolerance_is_exceeded(off, kn
     refinement = study_of_levels(n2=ALLOWED * along_x(*off))
     refinement.limit = Limit(along_x(*[0.0] * 5), np.zeros(5))
     assert refining.horizon(refinement, NORM, ALLOWED * np.array(known)) == pytest.approx(holds)
-
-
-# axes
 
 
 def test_errors_of_all_dropped_axes_are_limited_together() -> None:
@@ -457,7 +424,9 @@ def test_errors_of_all_dropped_axes_are_limited_together() -> None:
     assert ["too much" in trial for trial in screening.trials] == [True, False, True]
 
 
-# growth
+def growth(runner: Any, finest: Outcome) -> tuple[float, float]:
+    refinement = SimpleNamespace(finest=SimpleNamespace(outcome=finest), model=(None,), travel=1.0)
+    return refining.error_growth(runner, cast("Any", refinement), ALLOWED)
 
 
 def test_error_growth_is_the_largest_tip_error_over_the_initial_tip_error() -> None:
@@ -469,10 +438,7 @@ def test_error_growth_is_the_largest_tip_error_over_the_initial_tip_error() -> N
         return outcome(base + angle * reach * along_x(1.0, 2.0, 3.0, 2.0))
 
     runner = SimpleNamespace(chain=lambda _: SimpleNamespace(size=reach), perturbed_run=perturbed_run)
-    refinement = SimpleNamespace(finest=SimpleNamespace(outcome=finest), model=(None,), travel=1.0)
-    factor, e_fold = refining.error_growth(cast("ModelRunner", runner), cast("RefinementStudy", refinement), ALLOWED)
-    assert factor == pytest.approx(3.0)
-    assert e_fold == np.inf
+    assert growth(runner, finest) == (pytest.approx(3.0), np.inf)
 
 
 def test_the_time_constant_of_exponential_error_growth_is_found() -> None:
@@ -483,12 +449,7 @@ def test_the_time_constant_of_exponential_error_growth_is_found() -> None:
         chain=lambda _: SimpleNamespace(size=1.0),
         perturbed_run=lambda model, stepping, angle: outcome(finest.tip + angle * off),
     )
-    refinement = SimpleNamespace(finest=SimpleNamespace(outcome=finest), model=(None,), travel=1.0)
-    factor, e_fold = refining.error_growth(cast("ModelRunner", runner), cast("RefinementStudy", refinement), ALLOWED)
-    assert (factor, e_fold) == pytest.approx((np.exp(5.0), 0.2))
-
-
-# deflections and budgets
+    assert growth(runner, finest) == pytest.approx((np.exp(5.0), 0.2))
 
 
 def test_the_rigid_link_estimate_gives_the_sag_of_a_cantilever_beam() -> None:
@@ -749,9 +710,6 @@ def test_advice_that_misses_its_tolerance_reports_how_long_the_tolerance_is_met(
     nearly, _ = advised(world, advice.error / TRAVEL / 1.5)
     assert nearly.error > nearly.tolerance > nearly.error / 2
     assert not nearly.met
-
-
-# pieces
 
 
 def study_of(world: World) -> tuple[KnownRunner, TipErrorNorm, RefinementStudy]:

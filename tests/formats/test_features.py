@@ -126,17 +126,6 @@ def test_added_inertia_is_infinite_for_a_joint_without_inertia() -> None:
     assert added_inertia(chain, np.zeros(chain.n), mass=1e-9) == np.inf
 
 
-def test_files_with_small_masses_read_back_and_are_read_by_mujoco(capsys, tmp_path) -> None:
-    pytest.importorskip("mujoco")
-    chain = with_small_mass(fl.lump(make_scene(flexible("upper"), fl.Link(name="wrist"))), mass=1e-6)
-    for format in FORMATS.values():
-        if format.read is None:
-            continue
-        back = format.read(format.write(chain))
-        assert back.bodies["mass"].tolist() == chain.bodies["mass"].tolist()
-    fl.to_mjcf(chain)
-
-
 def test_the_command_line_prints_the_effect_of_a_small_mass(tmp_path, capsys) -> None:
     scene = str(ROOT / "models" / "t3_spatial.toml")
     assert main(["export", scene, "--format", "sdf", "--small-mass", "1e-9", "--out", str(tmp_path)]) == 0
@@ -148,13 +137,3 @@ def test_the_command_line_prints_the_effect_of_a_small_mass(tmp_path, capsys) ->
     assert main(["export", scene, "--small-mass", "-1", "--out", str(tmp_path)]) == 2
     text = refused_line(capsys.readouterr().err, "out-of-range")
     assert "--small-mass = -1.0: " in text
-
-
-ROD = make_scene(fl.Link(name="rod", length=1.0), tip=fl.RigidBody(mass=1.0, inertia=(1, 1, 1)))
-
-
-def test_formats_without_states_cannot_store_the_initial_state() -> None:
-    scene = ROD.varied({"initial.joint_deg.rod": 10.0})
-    urdf, sdf = (unsupported(scene, fl.lump(scene), format=format)["initial state"] for format in ("urdf", "sdf"))
-    assert urdf == sdf
-    reviewed("slips: initial state in a file", urdf)

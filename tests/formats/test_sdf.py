@@ -4,16 +4,13 @@ import dataclasses
 import importlib.util
 import subprocess
 import sys
-from pathlib import Path
 
-import numpy as np
 import pytest
 
-from flexlink import bias_torque, elastic_torque, load_scene, lump, mass_matrix, to_sdf
+from flexlink import lump, to_sdf
 from flexlink.common.safe_xml import parse
-from flexlink.dynamics import rounding
 from flexlink.engines import load
-from tests.conftest import MODELS, flexible, make_scene, nasty_scene, random_state
+from tests.conftest import flexible, make_scene, nasty_scene
 
 drake = pytest.mark.skipif(importlib.util.find_spec("pydrake") is None, reason="needs Drake")
 COLLIDING = ("a", "a_link", "a_child", "a.1.z", "world", "__it__", "tip", "x::y", "x.y", 'a<b>&"c"', "関節")
@@ -29,17 +26,6 @@ plant.Finalize()
 print(plant.num_actuators())
 """
 """Program for a separate process, which some files abort."""
-
-
-@drake
-@pytest.mark.slow
-@pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
-def test_drake_reads_springs_exactly_and_other_numbers_up_to_rounding(path: Path, rng: np.random.Generator) -> None:
-    chain = lump(load_scene(path))
-    engine, (q, qd) = load("drake", chain), random_state(chain, rng)
-    assert engine.elastic_torque(q).tolist() == elastic_torque(chain, q).tolist()
-    assert np.abs(engine.mass_matrix(q) - mass_matrix(chain, q)).max() <= rounding.of_mass_matrix(chain, q)
-    assert np.abs(engine.bias_torque(q, qd) - bias_torque(chain, q, qd)).max() <= rounding.of_bias_torque(chain, q, qd)
 
 
 @drake
@@ -78,10 +64,3 @@ def test_every_link_has_its_mass_even_if_it_is_zero() -> None:
     masses = [float(link.findtext("inertial/mass", "nan")) for link in parse(to_sdf(chain), "nasty").iter("link")]
     heavy = {body["stop"] - 1: body["mass"] for body in chain.bodies[:-1]}
     assert masses == [heavy.get(k, 0.0) for k in range(chain.n)]
-
-
-def test_gravity_belongs_to_the_world_and_no_joint_has_two_axes() -> None:
-    chain = lump(nasty_scene())
-    root = parse(to_sdf(chain), "nasty")
-    assert [float(word) for word in root.findtext("world/gravity", "").split()] == chain.gravity.tolist()
-    assert {joint.get("type") for joint in root.iter("joint")} == {"revolute"}

@@ -153,10 +153,6 @@ HOSTILE: dict[str, tuple[str | bytes, str, str]] = {
 """Content of a file, the id of its error, and a part of the message: names and values."""
 
 
-def test_there_are_enough_hostile_urdf_files() -> None:
-    assert len(HOSTILE) >= 40
-
-
 @pytest.fixture
 def opened(capsys, tmp_path_factory) -> Iterator[list[str]]:
     """Paths that are opened during a test, after the command and its kernels are loaded."""

@@ -95,19 +95,6 @@ def test_imports_and_robots_have_a_short_representation(robot) -> None:
         reviewed("repr", shown)
 
 
-def test_the_tip_is_at_the_frame_of_its_link(robot) -> None:
-    """The tip is compared with Pinocchio's placement of the link's frame."""
-    described, path, imported = robot(1)
-    chain, q = fl.lump(imported.scene), np.array([0.1, -0.7, 1.3])
-    import pinocchio as pin  # noqa: PLC0415
-
-    original = Original(path, list(described.free), {**described.posture, **described.locked}, np.zeros(3))
-    pin.framesForwardKinematics(original.model, original.data, original._posture(q))
-    tip = original.data.oMf[original.model.getFrameId("p9 link")]
-    assert fl.tip_position(chain, q) == pytest.approx(tip.translation, abs=1e-14)
-    assert fl.frames(chain, q).rotations[-1] == pytest.approx(tip.rotation, abs=1e-14)
-
-
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_link_made_flexible_leaves_the_rigid_motion_unchanged(seed: int, robot) -> None:
     """The rigid block of M and T_GC does not depend on the line of the beam."""

@@ -16,7 +16,6 @@ from tests.support.words import refused_line, reviewed
 from validation.case import load_case
 
 SCENES = sorted((ROOT / "models" / "robots").glob("*.toml"))
-BENDING = [path for path in SCENES if path.stem.endswith("_flexible")]
 ARMS = list(known_arms())
 
 
@@ -63,18 +62,6 @@ def test_every_stored_arm_can_move(path: Path) -> None:
     q, qd = fl.initial_state(scene, chain)
     assert np.linalg.eigvalsh(fl.mass_matrix(chain, q))[0] > 0
     assert np.isfinite(fl.forward_dynamics(chain, q, qd, np.zeros(chain.n))).all()
-
-
-@pytest.mark.parametrize("path", BENDING, ids=[path.stem for path in BENDING])
-def test_a_flexible_arm_with_slack_springs_equals_the_rigid_one(path: Path, rng) -> None:
-    bent, rigid = (fl.lump(fl.load_scene(path.with_stem(stem))) for stem in (path.stem, path.stem[: -len("_flexible")]))
-    q, qd = np.zeros((2, bent.n))
-    q[bent.active], qd[bent.active] = rng.uniform(-3, 3, (2, rigid.n))
-    M, T = fl.mass_matrix(rigid, q[bent.active]), fl.bias_torque(rigid, q[bent.active], qd[bent.active])
-    block = np.ix_(bent.active, bent.active)
-    assert fl.mass_matrix(bent, q)[block] == pytest.approx(M, abs=1e-13 * np.abs(M).max())
-    assert fl.bias_torque(bent, q, qd)[bent.active] == pytest.approx(T, abs=1e-13 * np.abs(T).max())
-    assert len({bent.coordinate(k).link for k in range(bent.n) if bent.coordinate(k).axis}) == 2
 
 
 def test_the_import_command_accepts_degrees_metres_and_beams(tmp_path: Path, capsys) -> None:

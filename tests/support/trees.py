@@ -118,3 +118,34 @@ def slopes(chain: fl.Chain, q: Array, qd: Array, qdd: Array, wrench: Array, *, f
             state[variable, j] += 1j * ε
             found[variable, :, j] = torques(chain, *state, wrench, follower=follower).imag / ε
     return found
+
+
+def satellite() -> fl.Scene:
+    """A free base with an initial rotation, a flexible panel, and a prismatic boom that carries two hands."""
+    bar = {"material": "al", "section": "s"}
+    links = (
+        fl.Link(name="panel", mount=fl.Mount(xyz=(0.5, 0.0, 0.0)), length=2.0, flex="z", segments=3, **bar),
+        fl.Link(
+            name="boom", on="base", mount=fl.Mount(xyz=(-0.5, 0.0, 0.0), rpy_deg=(0.0, 20.0, 180.0)), length=1.0,
+            joint=fl.Joint(kind="prismatic", axis=(1.0, 0.0, 0.0), limits_m=(-1.0, 1.0), armature=2.0,
+                           gear_stiffness=5e4, viscous=3.0), flex="xyz", segments=3, **bar,
+        ),
+        fl.Link(name="left", on="boom", length=0.3, hub=fl.RigidBody(mass=1.0, inertia=(0.01, 0.02, 0.025))),
+        fl.Link(name="right", on="boom", length=0.2, joint=fl.Joint(axis=(0.0, 1.0, 0.0)),
+                hub=fl.RigidBody(mass=2.0, inertia=(0.03, 0.02, 0.025))),
+    )  # fmt: skip
+    arm = fl.Arm(
+        links=links, materials={"al": fl.Material(young=70e9, density=2700.0)},
+        sections={"s": fl.Section(shape="circle", diameter=0.03)},
+        base=fl.Base(kind="free", mass=100.0, center=(0.1, 0.0, -0.1), inertia=(10.0, 12.0, 15.0)),
+    )  # fmt: skip
+    return fl.Scene(
+        name="satellite", arm=arm, gravity=(0.0, 0.0, -1.6),
+        initial=fl.InitialState(
+            joint_deg=(0.0,) * 4, rate_deg=(5.0, 0.0, -20.0, 10.0), joint_m=(0.0, 0.2, 0.0, 0.0),
+            base=fl.details.BaseState(xyz=(1.0, 2.0, 3.0), rpy_deg=(20.0, -50.0, 130.0), velocity=(0.1, -0.2, 0.3),
+                              spin_deg=(5.0, -3.0, 8.0)),
+        ),
+        wrench=fl.Wrench(force=(1.0, 2.0, -3.0), moment=(0.5, 0.1, -0.2), on="left"),
+        run=fl.RunSettings(method="RK4", step=1e-4, duration=0.05, sample=0.01),
+    )  # fmt: skip

@@ -19,8 +19,6 @@ from validation.reference_values import look_up, reference_array
 
 CASES = {case.name: case for case in load_cases("physics_*")}
 
-# --- exact values ----------------------------------------------------------------------------------------------------
-
 
 @pytest.mark.parametrize(
     ("key", "beam"), [("heavy, γ = 100", Beam(gravity=100)), ("lag, Ω = 6", Beam(spin=6, lag=True))]
@@ -61,9 +59,6 @@ def test_derivatives_at_a_steady_rate_give_the_centrifugal_stiffness():
     assert np.sqrt(theirs) == pytest.approx(fl.natural_frequencies(chain, qd=qd, locked=[0]), rel=1e-9)
     still = parity.symmetric_squares(engine, np.zeros(chain.n), parity.springs(engine), np.arange(1, chain.n))
     assert theirs[0] > still[0] + 0.1
-
-
-# --- tension without bending stiffness: a string ---------------------------------------------------------------------
 
 
 def string(rule: str, hinges: int, *, spins: bool) -> Modes:

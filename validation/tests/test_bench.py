@@ -49,9 +49,6 @@ def verdicts(run, name: str, units: Units | None = None, **settings: float) -> l
     return [each.verdict for each in judge("mine", run, BENCHMARKS[name], settings, units)]
 
 
-# --- cases and references --------------------------------------------------------------------------------------------
-
-
 def test_there_are_cases_of_every_kind():
     kinds = [each.ask for each in BENCHMARKS.values()]
     assert len(BENCHMARKS) >= 12
@@ -115,9 +112,6 @@ def test_the_arm_of_a_case_is_that_of_the_study(name):
         assert np.allclose(fl.gravity_torque(mine, q), fl.gravity_torque(ours, q), rtol=1e-6)
 
 
-# --- liars -----------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("benchmark", EVERY)
 def test_a_thousandth_off_is_not_accepted_and_the_exact_answer_is(benchmark: Benchmark):
     def off(case, settings):
@@ -171,9 +165,6 @@ def test_an_answer_does_not_depend_on_the_units():
         assert np.allclose(*errors, rtol=1e-3, atol=1e-9)
 
 
-# --- verdicts --------------------------------------------------------------------------------------------------------
-
-
 def test_a_solver_that_cannot_or_fails_has_a_verdict_with_the_reason():
     reason = "it has no columns"
 
@@ -198,9 +189,6 @@ def test_the_note_of_an_answer_is_in_the_table():
     found = list(judge("n", lambda case, _: Answer(exact_of(case), "by heart"), BENCHMARKS["columns"]))
     rows = list(csv.DictReader(as_csv(found).splitlines()))
     assert [row["note"] for row in rows] == ["by heart"] * 2
-
-
-# --- solvers ---------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["pinocchio", "mujoco"])
@@ -259,9 +247,6 @@ def test_mistakes_in_the_name_of_a_solver_are_named(tmp_path):
         load_benchmarks("nothing*")
 
 
-# --- files to fill in ------------------------------------------------------------------------------------------------
-
-
 def fill(folder: Path, benchmark: Benchmark, factor: float) -> None:
     file = write_blank(folder, benchmark)
     heads, *lines = csv.reader(file.open(encoding="utf-8"))
@@ -299,9 +284,6 @@ def test_a_mistake_in_a_file_is_named(tmp_path, text):
     found = list(judge("files", find(str(tmp_path)).run, BENCHMARKS["columns"]))
     assert found[-1].verdict == FAILED
     assert "columns.csv" in found[-1].reason
-
-
-# --- command, page, data sheets --------------------------------------------------------------------------------------
 
 
 def test_the_page_has_every_case_and_solver(tmp_path, capsys):
@@ -354,9 +336,6 @@ def test_the_solver_in_the_readme_runs(tmp_path, capsys):
     small = next(judge("linear", run, BENCHMARKS["elastica"]))
     assert small.error < 0.05  # the linear theory, under the smallest load
     assert set(verdicts(run, "pinned")) == {CANNOT}
-
-
-# --- the package -----------------------------------------------------------------------------------------------------
 
 
 def imports(path: Path) -> set[str]:

@@ -99,8 +99,6 @@ def test_the_release_of_a_straight_arm_gives_its_modes_the_energy_of_the_static_
     assert E.sum() == pytest.approx(0.5 * load @ (load / chain.stiffness), rel=1e-12, abs=0)
 
 
-# --- shared code -----------------------------------------------------------------------------------------------------
-
 DATA = ("flexlink.chain.chain", "flexlink.describe.schemes.methods")
 """Modules that references may import; they contain only numbers of a chain and coefficients of a method."""
 
@@ -116,9 +114,6 @@ def test_every_independent_reference_is_listed_and_imports_no_algorithm_of_the_l
 @pytest.mark.parametrize(("oracle", "data"), [*zip(("common_origin", "exact_runge_kutta"), DATA, strict=True)])
 def test_indirect_imports_are_found(oracle: str, data: str) -> None:
     assert data in oracles.imports_of(oracle)
-
-
-# --- beams and bodies ------------------------------------------------------------------------------------------
 
 
 def test_transfer_matrices_give_the_roots_of_a_uniform_beam() -> None:

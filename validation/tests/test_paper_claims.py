@@ -131,9 +131,6 @@ def test_a_row_about_a_claim_contains_the_claim():
     assert judged(case, Measured("T_GC / T_FL", 0.0), 0.0, "k").varied == {}
 
 
-# the page
-
-
 @pytest.fixture
 def results(tmp_path):
     claims = [

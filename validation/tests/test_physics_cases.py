@@ -33,9 +33,6 @@ SOURCES = [path for folder in ("validation/cases", "validation/kinds", "validati
            sorted((ROOT / folder).glob("*.*")) if path.suffix in {".toml", ".py"}]  # fmt: skip
 
 
-# --- sweeps ----------------------------------------------------------------------------------------------------------
-
-
 def rows(sweep, errors):
     points = [Point(Rule(rule=rule, hinges=n), {"tip": e}) for rule, found in errors.items() for n, e in found.items()]
     found = list(report(sweep, points, "about"))
@@ -65,9 +62,6 @@ def test_a_fitted_order_ignores_rounding_errors_and_accidentally_small_errors():
     assert abs(with_all["fitted order", "lobatto4, tip"] - 4) > 1
     with refused(DataFileError, "test-physics-cases"):
         rows(sweep, {"lobatto4": {64: 1e-13, 128: 3e-13}})
-
-
-# --- scenes, references, cases ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -126,9 +120,6 @@ def test_an_unknown_reference_is_refused(keys):
         reference_values.look_up(*keys)
 
 
-# --- inputs by formula -----------------------------------------------------------------------------------------------
-
-
 def test_the_torque_pulse_matches_its_formula_to_2_micronewton_metres():
     scene = formulas.torque_pulse(fl.load_scene(STUDY_SCENES / "torque_pulse.toml"))
     chain = fl.lump(scene)
@@ -137,9 +128,6 @@ def test_the_torque_pulse_matches_its_formula_to_2_micronewton_metres():
         drive_torque(drive, t, t, q, q, tau)
         exact = 4 * np.sin(2 * np.pi * t / 1.2) ** 3 if t < 1.2 else 0.0
         assert tau[0] == pytest.approx(exact, abs=2e-6)
-
-
-# --- the report ------------------------------------------------------------------------------------------------------
 
 
 def row(quantity, value, **varied):

@@ -19,9 +19,6 @@ from validation.trade.work_precision import Point, cost, ladder
 NAMES = list(trade.scenes())
 
 
-# scenes and references
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_every_reference_belongs_to_the_current_scene_and_two_methods_agree(name):
@@ -56,9 +53,6 @@ def test_the_deflection_is_the_tip_displacement_from_the_rigid_arm():
     assert found.bend[1] == pytest.approx(found.tip[1] - fl.tip_position(chain, np.zeros(chain.n)))
 
 
-# Drake and Exudyn
-
-
 def test_a_missing_engine_is_omitted_and_the_others_run_their_scenes(monkeypatch):
     def points(engine, *_):
         if engine == "drake":
@@ -72,9 +66,6 @@ def test_a_missing_engine_is_omitted_and_the_others_run_their_scenes(monkeypatch
     assert speed_trade._others("p2p5", chosen)["Exudyn"] == points("exudyn")
     assert "Drake" not in speed_trade._others("p2p5", chosen)
     assert "Exudyn" not in speed_trade._others("p2p", chosen)
-
-
-# work against precision
 
 
 def test_step_refinement_ends_at_small_errors_or_before_the_time_budget():

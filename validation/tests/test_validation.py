@@ -56,9 +56,6 @@ def study(tmp_path, monkeypatch):
     return run
 
 
-# the cases of the project
-
-
 @pytest.mark.parametrize("case", load_cases(*cases.ALL), ids=lambda case: case.name)
 def test_every_case_is_valid_and_every_limit_has_a_reason(case):
     decode(case.settings, SETTINGS[case.kind], "settings")
@@ -88,9 +85,6 @@ def test_a_malformed_case_is_one_line_with_file_key_and_value(tmp_path, change, 
     assert "\n" not in str(error.value)
 
 
-# verdicts
-
-
 def verdict(value, scale=1.0, **quantity):
     case = cases.Case(
         name="c", kind="k", title="t", about="a",
@@ -115,9 +109,6 @@ def test_a_value_without_tolerance_has_no_verdict_and_infinity_is_stored_as_null
 def test_a_tolerance_is_multiplied_by_the_scale():
     row = verdict(1.4e-6, scale=1e-6, tolerance=1.5)
     assert (row.passed, row.tolerance) == (True, 1.5e-6)
-
-
-# running
 
 
 def test_a_met_limit_gives_exit_code_0_and_a_finished_case(study):
@@ -470,9 +461,6 @@ def test_a_deleted_case_leaves_the_store(study):
     assert {row.case for row in study()[1].rows()} == {"small"}
 
 
-# the store
-
-
 def row(case="c", **changes):
     values = {
         "case": case, "kind": "k", "title": "t", "scene": "s", "engine": "native", "varied": {"method": "RK4", "n": 3},
@@ -554,18 +542,12 @@ def test_a_study_with_a_truncated_store_gives_one_line_and_exit_code_2(study, ca
     assert error.count("\n") == 1
 
 
-# what was varied
-
-
 def test_varied_settings_are_described_in_words():
     facts = {"method": "RK4", "step": 1e-4, "hinges": 10, "n": 4, "steps": 10_000}
     reviewed("validation: settings in words", in_words(facts))
     assert in_words({"method": "RK4", "hinges": 10}) == "RK4, 10 hinges"
     assert (column_head("step"), column_head("new fact")) == ("step [s]", "new fact")
     assert in_words({"new fact": 3}) == "new fact 3"
-
-
-# correctness and speed
 
 
 QUIET, BUSY = Conditions(0.05, 0.1, cores=2), Conditions(1.9, 0.1, cores=2)
@@ -724,9 +706,6 @@ def test_the_store_does_not_import_engines_or_rich():
     code = "import sys, validation.store; print([m for m in ('pinocchio', 'mujoco', 'rich') if m in sys.modules])"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
     assert shown.stdout.strip() == "[]"
-
-
-# numbers of measurements, and cases that lack their data
 
 
 ROWS = """
