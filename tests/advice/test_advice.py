@@ -9,7 +9,6 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pytest
-from msgspec.structs import replace
 from numpy.typing import NDArray
 
 import flexlink as fl
@@ -25,10 +24,10 @@ from flexlink.advice.refinement import AxisScreening, Level, RefinementStudy, lo
 from flexlink.advice.rigid import release
 from flexlink.advice.search import Allocation, Search
 from flexlink.advice.verdict import Advice
-from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.results.convergence import Limit
 from tests.conftest import make_scene
+from tests.support.beams import steel_bars
 from tests.support.words import reviewed
 
 Array = NDArray[np.float64]
@@ -135,27 +134,10 @@ def test_no_model_is_proposed_with_far_more_hinges_than_were_run() -> None:
     assert allocation(Beams(1.0, np.inf)).cheapest(1e-2) is None  # the error is unknown after a failed run
 
 
-def bars(*, skew: float = 0.0) -> Scene:
-    """Two soft bars that fall; the second joint is tilted out of the plane by `skew` [deg]."""
-    links = tuple(
-        fl.Link(
-            name=f"bar{k}", length=1.0, material="steel", section="square", mount=fl.Mount(rpy_deg=(k * skew, 0, 0))
-        )
-        for k in range(2)
-    )
-    square = fl.Section(shape="rectangle", height=0.006, width=0.006)
-    return fl.Scene(
-        name="bars", arm=fl.Arm(links=links, materials={"steel": fl.Material(young=210e9, density=7850.0)},
-                                sections={"square": square}),
-        gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_deg=(0.0, 0.0)),
-        run=fl.RunSettings(duration=0.2, sample=0.01, step=0.01),
-    )  # fmt: skip
-
-
 @pytest.fixture(scope="module", params=[(0.0, ("z", "z")), (60.0, ("yz", "yz"))], ids=["plane", "space"])
 def measured(request: pytest.FixtureRequest) -> tuple[ModelRunner, LinkErrors]:
     skew, axes = request.param
-    scene = bars(skew=skew)
+    scene = steel_bars(0.006, links=2, **{"run.duration": 0.2, "link.bar1.mount.rpy_deg": (skew, 0, 0)})
     runner, goal = ModelRunner(scene, 1.0), goal_of(1e-3, deflection=False, band=None, run=scene.run)
     refinement = RefinementStudy(runner, NORM, goal, axes, Stepping("Radau5", tolerance=1e-5))
     refinement.refine()
@@ -340,17 +322,15 @@ def test_the_error_of_a_limit_is_estimated_from_its_change() -> None:
 
 def test_a_released_static_deflection_moves_the_joint_and_the_remainder_vibrates() -> None:
     """A bar with a heavy load sags by m g L³ / 3EI; on release the load stays in place, and the joint turns."""
-    load, two = 1000.0, bars()
-    arm = replace(two.arm, links=two.arm.links[:1], tip=fl.RigidBody(mass=load))
-    initial = fl.InitialState(joint_deg=(0.0,), passive="static")
-    scene = replace(two, arm=arm, gravity=(0.0, -0.001, 0.0), initial=initial)
+    load, sags = 1000.0, {"initial.passive": "static", "run.duration": 0.2}
+    scene = steel_bars(0.006, **sags, **{"tip.mass": load, "gravity": (0.0, -0.001, 0.0)})
     runner, model = ModelRunner(scene, 1.0), uniform(("z",), 2)
     strict = runner.run((None,), Stepping("Radau5", tolerance=1e-9))
     start, drift = release(runner, strict, model, np.zeros(runner.chain(model).n))
     sag = load * 0.001 / (3 * 210e9 * 0.006**4 / 12)
     assert start == pytest.approx([0.0, -sag, 0.0], abs=0.01 * sag)
     assert drift[0] == pytest.approx([0.0, -sag, 0.0], abs=0.01 * sag)
-    straight = ModelRunner(replace(scene, initial=fl.InitialState(joint_deg=(0.0,))), 1.0)
+    straight = ModelRunner(scene.varied({"initial.passive": "zero"}), 1.0)
     assert not release(straight, strict, model, np.zeros(3))[1].any()
 
 
@@ -457,15 +437,8 @@ def test_the_rigid_link_estimate_gives_the_sag_of_a_cantilever_beam() -> None:
 
     Its vibration in 0.02 s, a sixth of a period, is smaller than the sag. The estimate is 2.5 times the sag.
     """
-    bar = fl.Link(name="bar", length=1.0, material="steel", section="square")
-    steel, square = fl.Material(young=210e9, density=7850.0), fl.Section(shape="rectangle", height=0.01, width=0.01)
-    still = fl.PrescribedMotion(link="bar", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
-    scene = fl.Scene(
-        name="bar", arm=fl.Arm(links=(bar,), materials={"steel": steel}, sections={"square": square}),
-        gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_deg=(0.0,)), motion=(still,),
-        run=fl.RunSettings(duration=0.02, sample=0.01, step=0.01),
-    )  # fmt: skip
-    runner, seen = ModelRunner(scene, 1.0), []
+    still = fl.PrescribedMotion(link="bar0", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
+    runner, seen = ModelRunner(steel_bars(0.01, **{"motion": (still,), "run.duration": 0.02}), 1.0), []
 
     def norm(difference: Array) -> float:
         seen.append(difference)
@@ -482,7 +455,8 @@ def test_the_rigid_link_estimate_gives_the_sag_of_a_cantilever_beam() -> None:
 
 def test_a_run_ends_when_its_time_budget_is_used_up() -> None:
     """The budget is a tenth of the measured time of the whole run."""
-    scene, model, steps = bars().varied({"run.duration": 2.0}), (None, None), Stepping("RK4", step=1e-3)
+    scene = steel_bars(0.006, links=2, **{"run.duration": 2.0})
+    model, steps = (None, None), Stepping("RK4", step=1e-3)
     whole = ModelRunner(scene, 60.0).run(model, steps)
     assert whole.completed
     short = ModelRunner(scene, 0.1 * whole.seconds).run(model, steps)

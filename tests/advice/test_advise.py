@@ -31,6 +31,8 @@ from flexlink.results.trajectory import deflections
 from flexlink.scene_report.study import Study
 from flexlink.sweeps.measures import column_of
 from tests.conftest import ROOT, flexible, make_scene
+from tests.support.beams import STEEL
+from tests.support.beams import steel_bars as arm
 from tests.support.words import refused, reviewed
 from validation.advice import truth as advice_truth
 from validation.advice.scenes import random_scene, robot_scene
@@ -39,23 +41,6 @@ from validation.kinds import advice as kind
 from validation.trade.scenes import seen
 
 Array = NDArray[np.float64]
-
-
-def arm(thick: float = 0.01, *, links: int = 1, locked: bool = False, **situation: object) -> fl.Scene:
-    """Square bars of steel, 1 m each, which by default fall from the horizontal for half a second."""
-    bent = {"flex": "z", "segments": 3} if locked else {}  # a scene without motion is refused
-    bars = tuple(
-        fl.Link(name=f"bar{k}", length=1.0, material="steel", section="square", joint=fl.Joint(locked=locked), **bent)
-        for k in range(links)
-    )
-    steel = fl.Material(young=210e9, density=7850.0)
-    square = fl.Section(shape="rectangle", height=thick, width=thick)
-    scene = fl.Scene(
-        name="bars", arm=fl.Arm(links=bars, materials={"steel": steel}, sections={"square": square}),
-        gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_deg=(0.0,) * links),
-        run=fl.RunSettings(duration=0.5, sample=0.01, step=0.01),
-    )  # fmt: skip
-    return scene.varied(situation)
 
 
 FINE = 16, 24  # hinge counts; the tip extrapolated from them is accurate to 3e-6 m (from 8 and 12 hinges: 8e-5 m)
@@ -408,7 +393,6 @@ def test_the_advice_case_of_the_study_uses_an_independent_reference() -> None:
 
 
 GEAR = 0.5 * 2 * np.sin(0.01 / 2)  # tip displacement [m] of a 0.5 m arm whose gear spring turns by 0.01 rad
-STEEL = fl.Material(young=210e9, density=7850.0)
 
 
 @pytest.fixture(scope="module")

@@ -136,20 +136,6 @@ def test_a_cantilever_under_a_follower_force_follows_the_elastica(end: float) ->
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("frame", ["world", "tip"])
-@pytest.mark.parametrize(("method", "order", "steps"), [("RK2", 2, 1), ("RK4", 4, 1), ("Radau5", 5, 10)])
-def test_a_smooth_table_keeps_the_order_of_the_method(method: str, order: int, steps: int, frame: str) -> None:
-    """The order is met within 0.5, because the third derivative of the cubic pieces jumps inside a few steps."""
-    times = tuple(np.linspace(0.0, 0.05, 6))
-    turning = 2 * np.pi * np.array(times)[:, None] / 0.05 + np.arange(3)
-    table = fl.Wrench(times=times, forces=tuple(map(tuple, 30 * np.sin(turning))), smooth=True, frame=frame)
-    scene = arm(IN_TIME["constant"], "plane", **{"link.*.joint.coulomb": 0.0}).varied({"wrench": table})
-    best = fl.simulate(scene, method="RK10", step=1.25e-5).q[-1]
-    errors = [np.abs(fl.simulate(scene, method=method, step=steps * h).q[-1] - best).max() for h in (1e-4, 5e-5)]
-    assert np.log2(errors[0] / errors[1]) >= order - 0.5
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("name", "module", "method"), [("drake", "pydrake", "RK3"), ("exudyn", "exudyn", "RK4")])
 @each_wrench
 def test_drake_and_exudyn_apply_the_wrench_or_refuse_it(name: str, module: str, method: str, wrench: str) -> None:

@@ -2,9 +2,10 @@
 
 from typing import Any
 
-from flexlink import Arm, Chain, Joint, Link, Material, RigidBody, Section
+from flexlink import Arm, Chain, InitialState, Joint, Link, Material, RigidBody, RunSettings, Scene, Section
 from tests.conftest import chain_of
 
+STEEL = Material(young=210e9, density=7850.0)
 THIN = 1e-16
 """Second moment of area I so small that rotary inertia is negligible against ρ A L²; E = 1/I gives EI = 1."""
 
@@ -67,3 +68,19 @@ def princeton_beam(rule: str, hinges: int) -> Chain:
         sections={"strip": Section(shape="rectangle", height=12.3777e-3, width=3.2024e-3)},
     )  # fmt: skip
     return chain_of(arm, (0.0, 0.0, 0.0))
+
+
+def steel_bars(thick: float = 0.01, *, links: int = 1, locked: bool = False, **situation: object) -> Scene:
+    """Square bars of steel, 1 m each, which by default fall from the horizontal for half a second."""
+    bent = {"flex": "z", "segments": 3} if locked else {}  # a scene without motion is refused
+    bars = tuple(
+        Link(name=f"bar{k}", length=1.0, material="steel", section="square", joint=Joint(locked=locked), **bent)
+        for k in range(links)
+    )
+    square = Section(shape="rectangle", height=thick, width=thick)
+    scene = Scene(
+        name="bars", gravity=(0.0, -9.81, 0.0), initial=InitialState(joint_deg=(0.0,) * links),
+        arm=Arm(links=bars, materials={"steel": STEEL}, sections={"square": square}),
+        run=RunSettings(duration=0.5, sample=0.01, step=0.01),
+    )  # fmt: skip
+    return scene.varied(situation)

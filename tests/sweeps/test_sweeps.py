@@ -198,12 +198,10 @@ def test_sweep_reductions_give_the_named_values() -> None:
 
 
 def test_settling_is_measured_against_the_equilibrium() -> None:
-    rod = fl.Link(name="a", length=1.0, material="aluminium", section="square", flex="z", segments=3)
-    held = make_scene(
-        rod.__class__(**{**{f: getattr(rod, f) for f in rod.__struct_fields__}, "joint": fl.Joint(locked=True)}),
-        gravity=(0.0, 9.81, 0.0),
-        run=fl.RunSettings(step=1e-5, sample=1e-4, duration=0.02),
-    ).varied({"link.a.damping": fl.Damping(ratio=0.9, at_hz=30.0)})
+    rod = flexible("a", segments=3, length=1.0, lumping="gauss", joint=fl.Joint(locked=True),
+                   damping=fl.Damping(ratio=0.9, at_hz=30.0))  # fmt: skip
+    run = fl.RunSettings(step=1e-5, sample=1e-4, duration=0.02)
+    held = make_scene(rod, gravity=(0.0, 9.81, 0.0), run=run)
     run, chain = fl.simulate(held), fl.lump(held)
     goal = fl.tip_position(chain, fl.solve_static(chain).q)
     tolerance = float(np.linalg.norm(run.tip - goal, axis=1)[len(run.t) // 2])

@@ -18,11 +18,12 @@ from tests.support.words import refused, reviewed
 from validation import reference_values
 from validation.case import STUDY_SCENES, load_cases
 from validation.facts import in_words
-from validation.kinds import KINDS
+from validation.kinds import KINDS, validity
 from validation.physics import formulas
 from validation.physics.hinge_sweep import Need, Point, Sweep, order, report
 from validation.physics.variant import Rule, Variant, existing
-from validation.store import Environment, Row, Series, Store
+from validation.store import Environment, Series, Store
+from validation.tests import studies
 
 NEEDED, NOT_ENOUGH, FEWEST = "hinges needed", "hinges not enough", "fewest hinges: need"
 MARGIN = "order − lower bound"
@@ -131,11 +132,7 @@ def test_the_torque_pulse_matches_its_formula_to_2_micronewton_metres():
 
 
 def row(quantity, value, **varied):
-    return Row(
-        case="physics_x", kind="frequencies", title="t", scene="", engine="native", varied=varied, quantity=quantity,
-        metric="m", value=value, unit="1", tolerance=None, bound="at most", passed=None, timed=False, reason="",
-        note="", given_up="", seconds=0.0, key="",
-    )  # fmt: skip
+    return studies.row("physics_x", value, None, kind="frequencies", varied=varied, quantity=quantity, scene="")
 
 
 def test_the_choice_of_rules_is_computed_from_the_rows(tmp_path):
@@ -171,3 +168,8 @@ def test_stable_steps_of_other_cases_are_not_used_as_costs_of_rules(tmp_path):
     (text,) = finding.sentences
     assert re.findall(r"\d+", text.partition("legendre")[2]) == ["6"]
     reviewed("physics cases: price of rules", text)
+
+
+def test_a_crossing_is_interpolated_and_nan_if_there_is_none():
+    assert validity._crossing(np.array([0.0, 1.0, 2.0]), [0.0, 0.2, 0.6], 0.4) == pytest.approx(1.5)
+    assert np.isnan(validity._crossing(np.array([0.0, 1.0]), [0.0, 0.2], 0.4))

@@ -23,7 +23,8 @@ from validation.facts import column_head, in_words
 from validation.kinds import KINDS, SETTINGS
 from validation.measuring import judged
 from validation.speed import machine
-from validation.store import STOPPED, Conditions, Environment, Finished, Planned, Row, Series, Store
+from validation.store import STOPPED, Conditions, Environment, Finished, Planned, Series, Store
+from validation.tests.studies import row
 
 ROOT = Path(__file__).parents[2]
 
@@ -158,14 +159,6 @@ def test_an_interrupted_rerun_leaves_the_case_unfinished(study, monkeypatch):
     assert not store.finished()  # so the report shows INCOMPLETE
 
 
-def test_an_edited_case_is_measured_again(study):
-    key = study()[1].finished()["small"].key
-    study.case_file.write_text(CASE.replace("a title", "another title"), encoding="utf-8")
-    store = study()[1]
-    assert store.finished()["small"].key != key
-    assert [row.title for row in store.rows()] == ["another title"]
-
-
 def test_a_case_is_measured_again_if_what_it_depends_on_changes_and_the_file_is_named(study, monkeypatch, capsys):
     first = study()[1].finished()["small"]
     capsys.readouterr()
@@ -289,25 +282,20 @@ def test_a_killed_study_loses_only_the_current_case(study, monkeypatch):
     assert [row.case for row in store.rows()] == ["a_first", "small"]  # no duplicate rows
 
 
-def test_a_limit_that_is_never_measured_is_an_error(study, capsys):
-    study.case_file.write_text(CASE.replace("quantity.residual", "quantity.residue"), encoding="utf-8")
-    assert study()[0] == 2
-    error = capsys.readouterr().err
-    assert all(part in error for part in ("quantity.residue: ", "'order_conditions'"))
-    reviewed("unknown-quantity", error)
-
-
-@pytest.mark.parametrize(("change", "key", "id"), [
-    (('"order_conditions"', '"orders"'), "kind = 'orders'", "unknown-name"),
-    (('["RK2"]', '["RK7"]'), "method = 'RK7'", "unknown-name"),
-    (("settings.methods", "settings.method"), "settings.method = ['RK2']", "unknown-key"),
+@pytest.mark.parametrize(("change", "options", "part", "id"), [
+    (('"order_conditions"', '"orders"'), (), "kind = 'orders'", "unknown-name"),
+    (('["RK2"]', '["RK7"]'), (), "method = 'RK7'", "unknown-name"),
+    (("settings.methods", "settings.method"), (), "settings.method = ['RK2']", "unknown-key"),
+    (("settings", 'parts = "method"\nsettings'), (), "parts = 'method'", "validation: parts"),
+    (("quantity.residual", "quantity.residue"), (), "quantity.residue", "unknown-quantity"),
+    (("", ""), ("nothing*",), "case = 'nothing*'", "unknown-name"),
+    (("", ""), ("--full", "small"), "--full small", "validation: --full with cases"),
 ])  # fmt: skip
-def test_bad_settings_are_one_line_and_exit_code_2(study, capsys, change, key, id):
+def test_a_study_that_cannot_run_is_refused_in_one_line(study, capsys, change, options, part, id):
     study.case_file.write_text(CASE.replace(*change), encoding="utf-8")
-    assert study()[0] == 2
+    assert study(*options)[0] == 2
     error = capsys.readouterr().err
-    assert f"{key}: " in error
-    assert error.count("\n") == 1
+    assert f"{part}: " in error and error.count("\n") == 1
     reviewed(id, error)
 
 
@@ -322,14 +310,6 @@ def test_the_reason_for_a_missing_case_is_stored_until_it_runs(study):
     assert Results.read(store.path).missing == ()
 
 
-def test_an_unknown_case_is_named_with_the_known_ones(study, capsys):
-    assert study("nothing*")[0] == 2
-    error = capsys.readouterr().err
-    assert "case = 'nothing*': " in error
-    assert error.split()[-1] == "small"
-    reviewed("unknown-name", error)
-
-
 def test_a_full_study_runs_all_missing_cases_also_those_run_by_name(study):
     study.case_file.with_name("small_long.toml").write_text("by_name = true\n" + CASE, encoding="utf-8")
     before = study()[1].finished()
@@ -337,13 +317,6 @@ def test_a_full_study_runs_all_missing_cases_also_those_run_by_name(study):
     assert code == 0
     assert set(store.plan()) == set(store.finished()) == {"small", "small_long"}
     assert store.finished()["small"] == before["small"]
-
-
-def test_the_option_full_excludes_names_of_cases(study, capsys):
-    assert study("--full", "small")[0] == 2
-    error = capsys.readouterr().err
-    assert "--full small: " in error
-    reviewed("validation: --full with cases", error)
 
 
 def test_a_case_that_cannot_run_is_named_and_the_others_run(study, capsys):
@@ -412,14 +385,6 @@ def test_each_part_of_a_case_is_stored_with_the_common_limits_and_its_own(study,
     assert study("small-RK4")[0] == 2  # but the part with this name must measure it
 
 
-def test_parts_that_are_not_a_list_of_settings_are_refused(study, capsys):
-    study.case_file.write_text(CASE.replace("settings", 'parts = "method"\nsettings', 1), encoding="utf-8")
-    assert study()[0] == 2
-    error = capsys.readouterr().err
-    assert "parts = 'method': " in error
-    reviewed("validation: parts", error)
-
-
 def test_the_full_study_runs_all_timed_kinds_and_the_short_one_those_with_limits(study, monkeypatch):
     given = []
 
@@ -461,19 +426,10 @@ def test_a_deleted_case_leaves_the_store(study):
     assert {row.case for row in study()[1].rows()} == {"small"}
 
 
-def row(case="c", **changes):
-    values = {
-        "case": case, "kind": "k", "title": "t", "scene": "s", "engine": "native", "varied": {"method": "RK4", "n": 3},
-        "quantity": "q̈", "metric": "m", "value": 0.1, "unit": "rad", "tolerance": None, "bound": "at most",
-        "passed": None, "timed": False, "reason": "because", "note": "", "given_up": "", "seconds": 0.5, "key": "k",
-    }  # fmt: skip
-    return Row(**values | changes)
-
-
 def test_rows_read_back_exactly_and_a_truncated_last_line_is_dropped(tmp_path):
     store = Store(tmp_path)
-    store.prepare(["c"])
-    rows = [row(value=1 / 3), row(value=None, passed=False, tolerance=1e-13)]
+    store.prepare(["terms"])
+    rows = [row(value=1 / 3), row(value=None, tolerance=1e-13)]
     for each in rows:
         store.append(each)
     assert store.rows() == rows
@@ -530,16 +486,6 @@ def stored_everything(folder):
     store.append(row("small"))
     store.finish("small", Finished("k", datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC), "machine", None))
     return store
-
-
-def test_a_study_with_a_truncated_store_gives_one_line_and_exit_code_2(study, capsys):
-    _, store = study()
-    (store.path / "finished.json").write_text('{"small": {"key": "', encoding="utf-8")
-    assert study()[0] == 2
-    error = capsys.readouterr().err
-    assert "finished.json: " in error
-    reviewed("cannot-read", error)
-    assert error.count("\n") == 1
 
 
 def test_varied_settings_are_described_in_words():
@@ -733,9 +679,9 @@ def test_a_wrong_number_of_measurements_fails(study, capsys, stated, limit):
     assert [(row.quantity, row.value, row.bound, row.tolerance) for row in failed] == (
         [(f"rows of {'residual'}", 2.0, *limit)] if limit else []
     )
-    for row in failed:
-        assert f"FAILED small: {row.quantity} () = 2.0 " in shown
-        reviewed("validation: number of measurements", row.note)
+    for one in failed:
+        assert f"FAILED small: {one.quantity} () = 2.0 " in shown
+        reviewed("validation: number of measurements", one.note)
     assert re.findall(r"\d+", line(shown, "correctness:")) == (["2", "3"] if limit else ["2", "2"])
 
 
