@@ -39,13 +39,9 @@ def robot(tmp_path: Path):
         described, path = RandomRobot(seed), tmp_path / f"{seed}.urdf"
         path.write_text(described.text(), encoding="utf-8")
         found = import_urdf(
-            path,
-            base=described.base,
-            tip=described.tip,
-            posture=described.posture,
-            locked=described.locked,
+            path, base=described.base, tip=described.tip, posture=described.posture, locked=described.locked,
             flexible=flexible,
-        )
+        )  # fmt: skip
         return described, path, found
 
     return write

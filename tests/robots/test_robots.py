@@ -78,14 +78,9 @@ def test_the_import_command_accepts_degrees_metres_and_beams(tmp_path: Path, cap
     assert scene.initial.joint_deg[0] == 90.0
     flexible = {"p3": fl.FlexibleLink(frequency_hz=12.0, line=((0, 0, 0), (0.1, 0.1, 0.2)), segments=7)}
     same = fl.import_urdf(
-        urdf,
-        base="p1",
-        tip="p8",
-        posture={"j3": np.pi / 2},
-        locked={"j4": 0.2, "j7": np.radians(-30.0)},
-        armature={"j5": 0.1},
-        flexible=flexible,
-    )
+        urdf, base="p1", tip="p8", posture={"j3": np.pi / 2}, locked={"j4": 0.2, "j7": np.radians(-30.0)},
+        armature={"j5": 0.1}, flexible=flexible,
+    )  # fmt: skip
     assert scene == same.scene.varied({"run.duration": 2.0})
 
 

@@ -298,18 +298,8 @@ def test_the_command_line_accepts_several_tips_slides_in_metres_and_a_free_base(
     )
     out = tmp_path / "out.toml"
     words = [
-        "import",
-        str(path),
-        "--tip",
-        "l1",
-        "--tip",
-        "h",
-        "--locked",
-        "lift=0.5",
-        "--posture",
-        "left=90",
-        "--free-base",
-    ]
+        "import", str(path), "--tip", "l1", "--tip", "h", "--locked", "lift=0.5", "--posture", "left=90", "--free-base",
+    ]  # fmt: skip
     assert main([*words, "-o", str(out)]) == 0
     summary = line(capsys.readouterr().out, "robot: ")
     reviewed("import: summary", summary)

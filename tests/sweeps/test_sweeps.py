@@ -112,27 +112,21 @@ def test_a_members_numbers_do_not_depend_on_other_members(paper: fl.Scene, rng: 
 
 MANY: dict[str, Any] = {
     "of arm and start": {
-        "tip.mass": [0.0, 1.0, -1.0, 1e308],
-        "material.aluminium.young": [6e10, 7e10],
-        "initial.joint_deg.upper": [-70.0, 10.0],
-        "tip.center": [[0.0, 0.0, 0.0], [0.1, 0.2, 0.0]],
+        "tip.mass": [0.0, 1.0, -1.0, 1e308], "material.aluminium.young": [6e10, 7e10],
+        "initial.joint_deg.upper": [-70.0, 10.0], "tip.center": [[0.0, 0.0, 0.0], [0.1, 0.2, 0.0]],
     },
     "of damping and friction": {
-        "link.fore.damping.ratio": [0.001, 0.02],
-        "link.*.joint.coulomb": [0.0, 0.5],
-        "tip.mass": [0.0, 1.0],
+        "link.fore.damping.ratio": [0.001, 0.02], "link.*.joint.coulomb": [0.0, 0.5], "tip.mass": [0.0, 1.0],
         "link.upper.length": [1.0, 1.1],
     },
     "of run and segments": {
-        "link.*.segments": [3, 5],
-        "run.method": ["RK4", "RK10"],
-        "run.step": [1e-4, 3e-4, 5e-4, 1e-2],
+        "link.*.segments": [3, 5], "run.method": ["RK4", "RK10"], "run.step": [1e-4, 3e-4, 5e-4, 1e-2],
         "tip.mass": [0.0, 1.0],
     },
     "insisted": {"run.unstable": ["allow"], "run.step": [3e-4, 5e-4], "run.duration": [0.03], "tip.mass": [0.0, 1.0]},
     "of a drive": {"drive.kp.fore": [0.0, 100.0], "tip.mass": [0.0, 1.0], "drive.effort.fore": [1.0, 100.0]},
     "with a tolerance": {"run.tolerance": [1e-4], "tip.mass": [0.0, 1.0], "run.method": ["RK4", "Radau5"]},
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("grid", MANY.values(), ids=MANY)

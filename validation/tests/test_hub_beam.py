@@ -14,15 +14,9 @@ from validation.oracles.hub_beam import Beam, Drive
 
 L, E, H, WIDTH, DENSITY = 0.6, 2e11, 0.003, 0.03, 7850.0
 BEAM = Beam(
-    L,
-    E * WIDTH * H**3 / 12,
-    DENSITY * WIDTH * H,
-    DENSITY * WIDTH * H**3 / 12,
-    1e-3,
-    tip_mass=0.1,
-    hub=0.05,
+    L, E * WIDTH * H**3 / 12, DENSITY * WIDTH * H, DENSITY * WIDTH * H**3 / 12, 1e-3, tip_mass=0.1, hub=0.05,
     viscous=0.1,
-)
+)  # fmt: skip
 T = np.linspace(0.0, 1.0, 201)
 ANGLE = math.radians(8.0)
 MOVE = PPoly.from_bernstein_basis(BPoly.from_derivatives([0.0, 0.4, 3.0], [[0, 0, 0], [ANGLE, 0, 0], [ANGLE, 0, 0]]))

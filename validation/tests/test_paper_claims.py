@@ -135,16 +135,11 @@ def test_a_row_about_a_claim_contains_the_claim():
 def results(tmp_path):
     claims = [
         row(
-            f"paper_{k}",
-            kind="paper_types",
-            title=f"claim {k}",
-            quantity="claim",
-            note=note,
-            tolerance=None,
+            f"paper_{k}", kind="paper_types", title=f"claim {k}", quantity="claim", note=note, tolerance=None,
             value=float(k),
         )
         for k, note in enumerate(("holds; more", "holds for T1", "does not hold"))
-    ]
+    ]  # fmt: skip
     return stored(tmp_path / "results", *claims)
 
 
