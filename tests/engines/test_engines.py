@@ -373,7 +373,6 @@ def test_engines_with_their_own_stepping_support_only_smooth_pd_references() -> 
 
 def test_a_mujoco_servo_control_is_divided_by_its_gear_ratio() -> None:
     """A servo, kp (u − r q) r, moves its joint to q = u / r, so `gear` is 1/r; for a motor it is the gear ratio r."""
-    mujoco = pytest.importorskip("mujoco")
     from flexlink.engines import mujoco_reader  # noqa: PLC0415
 
     body = '<body><joint name="{0}"/><geom type="box" size=".1 .1 .1"/></body>'

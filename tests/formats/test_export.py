@@ -4,6 +4,7 @@ import dataclasses
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -92,12 +93,6 @@ def test_a_chain_too_long_for_mujoco_is_refused_and_the_longest_loads() -> None:
     assert MujocoEngine(fl.lump(make_scene(flexible("long", segments=489)))).n == 489
 
 
-def test_mujoco_refuses_a_last_link_without_mass() -> None:
-    chain = fl.lump(make_scene(flexible("upper"), fl.Link(name="wrist")))
-    with refused(ArgumentError, "engine-cannot-load"):
-        MujocoEngine(chain)
-
-
 def thin_strip(width: float, **fields: object) -> fl.Chain:
     """A planar strip of 1 m × 10 mm × `width` in eight segments."""
     strip = fl.Section(shape="rectangle", height=0.01, width=width)
@@ -120,18 +115,27 @@ def test_segments_too_light_for_mujoco_are_refused_and_slightly_heavier_ones_loa
             assert PinocchioEngine(chain).n == chain.n  # Pinocchio loads the URDF file
 
 
-def test_a_point_mass_is_refused_by_name() -> None:
-    point_mass = fl.lump(make_scene(fl.Link(name="rod", length=1.0, mount=fl.Mount()), tip=fl.RigidBody(mass=1.0)))
-    with refused(ArgumentError, "inertia-impossible"):
-        fl.to_mjcf(point_mass)
+SOLID = fl.RigidBody(mass=1.0, inertia=(1.0, 1.0, 1.0))
+WHEEL = fl.RigidBody(inertia=(0.0, 0.0, 1.1))
 
 
-def test_an_inertia_that_no_body_can_have_is_refused_by_name() -> None:
-    wheel, load = fl.RigidBody(inertia=(0.0, 0.0, 1.1)), fl.RigidBody(mass=1.0, inertia=(1.0, 1.0, 1.0))
-    flat = fl.lump(make_scene(fl.Link(name="rod", length=1.0, hub=wheel), tip=load))
-    with refused(ArgumentError, "inertia-impossible"):
-        fl.to_mjcf(flat)
-    assert PinocchioEngine(flat).n == 1
+@pytest.mark.parametrize(
+    ("links", "tip", "id"),
+    [
+        ((flexible("upper"), fl.Link(name="wrist")), None, "engine-cannot-load"),  # a last link without mass
+        ((fl.Link(name="rod", length=1.0),), fl.RigidBody(mass=1.0), "inertia-impossible"),  # a point mass
+        (
+            (fl.Link(name="rod", length=1.0, hub=WHEEL),),
+            SOLID,
+            "inertia-impossible",
+        ),  # no body has this
+    ],
+)
+def test_bodies_that_mujoco_cannot_have_are_refused_by_name(links, tip, id) -> None:
+    chain = fl.lump(make_scene(*links, tip=tip))
+    with refused(ArgumentError, id):
+        MujocoEngine(chain)
+    assert PinocchioEngine(chain).n == chain.n
 
 
 def test_a_refusal_by_mujoco_becomes_a_flexlink_error(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -197,7 +201,6 @@ def test_the_time_step_of_an_mjcf_file_is_at_most_half_the_largest_stable_one() 
 
 
 def test_mujoco_does_not_reset_a_diverged_run(tmp_path, monkeypatch) -> None:
-    mujoco = pytest.importorskip("mujoco")
     monkeypatch.chdir(tmp_path)  # MuJoCo writes its log file to the working folder
     chain = fl.lump(make_scene(flexible("a")))
     model = mujoco.MjModel.from_xml_string(fl.to_mjcf(chain))

@@ -257,18 +257,6 @@ class TestFiles:
         assert run.set["motion"][0]["file"] == str(tmp_path / "led.csv")
         assert (run.set[lumping], modes.set[lumping]) == ("gauss", str(tmp_path / "own.toml"))
 
-    def test_file_paths_in_a_sweep_are_relative_to_the_sweep_file(self, tmp_path: Path) -> None:
-        (tmp_path / "sweep.toml").write_text(
-            f'scene = "{ROOT / "models" / "three_links.toml"}"\n'
-            '[quantity]\nend = { of = "tip x [m]", take = "final" }\n'
-            '[grid]\n"drive.file" = ["a.csv", "b.csv"]\n"run.method" = ["RK4", "mine.toml"]\n',
-            encoding="utf-8",
-        )
-        grid = fl.Sweep.load(tmp_path / "sweep.toml").grid
-        assert grid["drive.file"] == [str(tmp_path / "a.csv"), str(tmp_path / "b.csv")]
-        assert grid["run.method"] == ["RK4", str(tmp_path / "mine.toml")]
-
-
 def test_table_heads_are_capitalized_except_symbols_and_paths() -> None:
     heads = "standard deviation", "p of whiteness", "tip.mass", "link.a.root_stiffness.y", "± of 95 % [%]", "RMS before"
     assert [head for head in heads if sentence_case(head) != head] == ["standard deviation"]

@@ -24,7 +24,7 @@ from flexlink.robots.flexible import FlexibleLink, _prism, bent, cut, largest_ma
 from flexlink.robots.importing import ImportResult, clamped_frequency, import_urdf
 from flexlink.robots.kinematic_tree import Mimic, Robot, positions_of
 from flexlink.robots.robot_file import read_robot
-from tests.support.urdf_texts import RandomRobot
+from tests.support.urdf_texts import RandomRobot, saved
 from tests.support.words import line, refused, reviewed
 from validation.physics.source_urdf import Original
 
@@ -158,10 +158,7 @@ def test_rounding_errors_of_a_point_mass_are_corrected_and_larger_errors_kept() 
 
 
 def test_limits_of_1e16_mean_no_limits(tmp_path: Path) -> None:
-    path = tmp_path / "robot.urdf"
-    path.write_text(
-        RandomRobot(0).text().replace('lower="-3" upper="3"', 'lower="-1e16" upper="1e16"'), encoding="utf-8"
-    )
+    path = saved(tmp_path, RandomRobot(0).text().replace('lower="-3" upper="3"', 'lower="-1e16" upper="1e16"'))
     imported = import_urdf(path, tip="p8", locked={"j4": 0.0})
     assert {link.joint.limits_deg for link in imported.scene.arm.links} == {None}
 
@@ -199,8 +196,7 @@ def test_the_beam_stiffness_is_tuned_to_the_required_frequency(hertz: float, rob
 @pytest.mark.parametrize("name", ['3" pipe', "l.1", "*", "don't", "a=b", "é"])
 def test_a_link_with_any_name_can_be_tuned(name: str, tmp_path: Path) -> None:
     text = RandomRobot(0).text().replace('"p3"', quoteattr(name))
-    path = tmp_path / "robot.urdf"
-    path.write_text(text, encoding="utf-8")
+    path = saved(tmp_path, text)
     imported = import_urdf(path, tip="p8", locked={"j4": 0.0}, flexible={name: FlexibleLink(frequency_hz=12.0)})
     assert clamped_frequency(imported.scene, name) == pytest.approx(12.0, rel=1e-6)
 
@@ -224,8 +220,7 @@ def test_a_small_limit_on_the_beam_mass_gives_a_warning(robot) -> None:
 
 
 def test_a_joint_that_mimics_a_moving_joint_gives_a_warning(tmp_path: Path) -> None:
-    path = tmp_path / "robot.urdf"
-    path.write_text(RandomRobot(0).text().replace('joint="b2"', 'joint="j3"'), encoding="utf-8")
+    path = saved(tmp_path, RandomRobot(0).text().replace('joint="b2"', 'joint="j3"'))
     (warning,) = import_urdf(path, tip="p8", locked={"j4": 0.0}).warnings
     assert warning.startswith("d2: ") and " j3" in warning
     reviewed("import: mimic joint", warning)
@@ -283,8 +278,7 @@ WRONG = {
 
 @pytest.mark.parametrize("name", WRONG)
 def test_options_that_do_not_fit_the_robot_are_refused_by_name(name: str, tmp_path: Path) -> None:
-    path = tmp_path / "robot.urdf"
-    path.write_text(RandomRobot(0).text(), encoding="utf-8")
+    path = saved(tmp_path, RandomRobot(0).text())
     options, id, parts = WRONG[name]
     with refused(FlexlinkError, id) as caught:
         import_urdf(path, **{"tip": "p8", **options})

@@ -11,7 +11,7 @@ from flexlink.cli.main import main
 from flexlink.common.errors import MissingDependencyError
 from flexlink.robots.collection import PACKAGE, folder, import_known, known_arms
 from tests.conftest import ROOT
-from tests.support.urdf_texts import RandomRobot
+from tests.support.urdf_texts import RandomRobot, saved
 from tests.support.words import refused_line, reviewed
 from validation.case import load_case
 
@@ -100,8 +100,7 @@ def test_the_import_command_accepts_degrees_metres_and_beams(tmp_path: Path, cap
     ],
 )
 def test_wrong_options_are_refused_in_one_line(words: list[str], id: str, part: str, tmp_path: Path, capsys) -> None:
-    urdf = tmp_path / "robot.urdf"
-    urdf.write_text(RandomRobot(0).text(), encoding="utf-8")
+    urdf = saved(tmp_path, RandomRobot(0).text())
     assert main(["import", str(urdf), "--tip", "p8", "--locked", "j4=0", *words]) == 2
     printed = capsys.readouterr().err
     assert len(printed.splitlines()) == 1

@@ -219,10 +219,12 @@ def test_a_program_that_is_not_installed_cannot(monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_example_is_short_and_accepted():
+def test_the_example_is_short_and_accepted(capsys):
     assert EXAMPLE.read_text("utf-8").count("\n") <= 60
     assert set(verdicts(find(str(EXAMPLE)).run, "elastica", Units.drawn(SEED))) == {ACCEPTED}
     assert set(verdicts(find(str(EXAMPLE)).run, "princeton")) == {CANNOT}
+    assert main(["example"]) == 0
+    assert capsys.readouterr().out == EXAMPLE.read_text("utf-8")
 
 
 def test_a_solver_of_another_package_is_found_by_its_entry_point(tmp_path, monkeypatch):
@@ -314,10 +316,13 @@ def test_every_case_has_a_data_sheet(benchmark: Benchmark):
     assert all(f"link {link.name}" in text for link in benchmark.parts[0][0].links)
 
 
-def test_the_commands_list_write_and_refuse(tmp_path, capsys):
+def test_the_commands_list_write_and_refuse(tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "exudyn", None)
+    monkeypatch.delitem(sys.modules, "flexarm_bench.solvers.with_exudyn", raising=False)
     assert main(["list"]) == 0
     shown = capsys.readouterr().out
     assert all(name in shown for name in [*BENCHMARKS, *OWN])
+    assert "exudyn (" in shown, "its program is missing"
     assert main(["sheets", "-o", str(tmp_path / "sheets"), "motion"]) == 0
     assert len(list((tmp_path / "sheets").iterdir())) == 5
     assert main(["blank", str(tmp_path / "mine"), "motion"]) == 0
@@ -356,21 +361,6 @@ def test_the_package_imports_numpy_and_each_solver_its_program(path):
         "with_exudyn": {"exudyn"}, "with_cosseratbench": {"cosseratbench"}, "elastica_by_scipy": {"scipy"},
     }  # fmt: skip
     assert imports(path) <= {"numpy"} | programs.get(path.stem, set())
-
-
-def test_the_example_is_a_solver_whose_answers_are_accepted(tmp_path, capsys):
-    assert main(["example"]) == 0
-    mine = tmp_path / "mine.py"
-    mine.write_text(capsys.readouterr().out, encoding="utf-8")
-    assert main(["run", "--solver", str(mine), "elastica"]) == 0
-    assert capsys.readouterr().out.count("≤") == 5
-
-
-def test_the_list_marks_solvers_whose_program_is_missing(capsys, monkeypatch):
-    monkeypatch.setitem(sys.modules, "exudyn", None)
-    monkeypatch.delitem(sys.modules, "flexarm_bench.solvers.with_exudyn", raising=False)
-    assert main(["list"]) == 0
-    assert "exudyn (" in capsys.readouterr().out
 
 
 def test_the_package_runs_without_flexlink():

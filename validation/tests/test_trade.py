@@ -44,15 +44,6 @@ def test_errors_are_relative_to_the_motion_and_infinite_without_a_run():
     assert trade.errors("paper", exact._replace(tip=np.full_like(exact.tip, np.nan))) == (math.inf, 0.0)
 
 
-def test_the_deflection_is_the_tip_displacement_from_the_rigid_arm():
-    chain = fl.lump(trade.trade_scene("kick11"))
-    q = np.zeros((2, chain.n))
-    q[0, 0], q[1, 1:] = 0.3, 0.01
-    found = trade.seen(chain, q)
-    assert found.bend[0] == pytest.approx(np.zeros(3), abs=1e-15)
-    assert found.bend[1] == pytest.approx(found.tip[1] - fl.tip_position(chain, np.zeros(chain.n)))
-
-
 def test_a_missing_engine_is_omitted_and_the_others_run_their_scenes(monkeypatch):
     def points(engine, *_):
         if engine == "drake":

@@ -27,6 +27,7 @@ from validation.store import STOPPED, Conditions, Environment, Finished, Planned
 from validation.tests.studies import row
 
 ROOT = Path(__file__).parents[2]
+KIND = KINDS["order_conditions"]
 
 CASE = """
 kind  = "order_conditions"
@@ -55,6 +56,27 @@ def study(tmp_path, monkeypatch):
 
     run.case_file = folder / "small.toml"
     return run
+
+
+@pytest.fixture
+def watched(monkeypatch):
+    """Function that adds what happens before and after the measurements of each case."""
+    honest = KIND.run
+
+    def add(before=lambda name: None, after=lambda name: None):
+        def run(case, **settings):
+            before(case.name)
+            yield from honest(case, **settings)
+            after(case.name)
+
+        monkeypatch.setattr(KIND, "run", run)
+
+    return add
+
+
+def dies(name):
+    if name == "small":
+        raise KeyboardInterrupt
 
 
 @pytest.mark.parametrize("case", load_cases(*cases.ALL), ids=lambda case: case.name)
@@ -134,12 +156,9 @@ def test_a_failed_check_gives_exit_code_1_and_is_named(study, capsys):
     reviewed("validation: failed check", printed[-1])
 
 
-def test_a_rerun_skips_stored_cases_unless_forced(study, monkeypatch):
+def test_a_rerun_skips_stored_cases_unless_forced(study, watched):
     runs = []
-    honest = KINDS["order_conditions"].run
-    monkeypatch.setattr(
-        KINDS["order_conditions"], "run", lambda *a, **settings: (runs.append(1), honest(*a, **settings))[1]
-    )
+    watched(runs.append)
     study()
     study()
     assert len(runs) == 1
@@ -147,13 +166,9 @@ def test_a_rerun_skips_stored_cases_unless_forced(study, monkeypatch):
     assert len(runs) == 2
 
 
-def test_an_interrupted_rerun_leaves_the_case_unfinished(study, monkeypatch):
+def test_an_interrupted_rerun_leaves_the_case_unfinished(study, watched):
     assert study()[1].finished()
-
-    def dies(case, **settings):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(KINDS["order_conditions"], "run", dies)
+    watched(dies)
     code, store = study("--force")
     assert code == 130
     assert not store.finished()  # so the report shows INCOMPLETE
@@ -184,16 +199,14 @@ def test_results_with_another_version_are_measured_again_except_in_the_full_stud
     reviewed("validation: again", line(capsys.readouterr().out, "small: "), values=False)
 
 
-def test_a_case_that_crashes_is_named_with_its_place_and_the_others_run(study, monkeypatch, capsys):
+def test_a_case_that_crashes_is_named_with_its_place_and_the_others_run(study, watched, capsys):
     study.case_file.with_name("z_last.toml").write_text(CASE, encoding="utf-8")
-    honest = KINDS["order_conditions"].run
 
-    def crashes(case, **settings):
-        if case.name == "small":
+    def crashes(name):
+        if name == "small":
             raise ZeroDivisionError("by nothing,\nat all")
-        yield from honest(case, **settings)
 
-    monkeypatch.setattr(KINDS["order_conditions"], "run", crashes)
+    watched(crashes)
     code, store = study()
     assert (code, set(store.finished()), set(store.failed())) == (2, {"z_last"}, {"small"})
     error = capsys.readouterr().err
@@ -201,17 +214,10 @@ def test_a_case_that_crashes_is_named_with_its_place_and_the_others_run(study, m
     reviewed("validation: crash", error, values=False)
 
 
-def test_a_case_during_which_the_study_ended_runs_last(study, monkeypatch):
+def test_a_case_during_which_the_study_ended_runs_last(study, watched):
     study.case_file.with_name("z_last.toml").write_text(CASE, encoding="utf-8")
-    honest, ran = KINDS["order_conditions"].run, []
-
-    def dies(case, **settings):
-        ran.append(case.name)
-        if case.name == "small":
-            raise KeyboardInterrupt
-        yield from honest(case, **settings)
-
-    monkeypatch.setattr(KINDS["order_conditions"], "run", dies)
+    ran = []
+    watched(lambda name: (ran.append(name), dies(name)))
     for _ in range(2):
         assert study()[0] == 130
     assert ran == ["small", "z_last", "small"]
@@ -261,21 +267,14 @@ def test_every_module_that_the_study_imports_counts_as_its_source() -> None:
     assert Path("flexlink", "cli", "simulate.py").as_posix() in counted  # a case measures the time of this command
 
 
-def test_a_killed_study_loses_only_the_current_case(study, monkeypatch):
+def test_a_killed_study_loses_only_the_current_case(study, watched):
     study.case_file.with_name("a_first.toml").write_text(CASE, encoding="utf-8")
-    honest = KINDS["order_conditions"].run
-
-    def dies(case, **settings):
-        yield from honest(case, **settings)
-        if case.name == "small":
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr(KINDS["order_conditions"], "run", dies)
+    watched(after=dies)
     code, store = study()
     assert code == 130
     assert set(store.finished()) == {"a_first"}
     first = [row for row in store.rows() if row.case == "a_first"]
-    monkeypatch.setattr(KINDS["order_conditions"], "run", honest)
+    watched()
     code, store = study()
     assert code == 0
     assert [row for row in store.rows() if row.case == "a_first"] == first  # not measured again
@@ -502,14 +501,13 @@ QUIET, BUSY = Conditions(0.05, 0.1, cores=2), Conditions(1.9, 0.1, cores=2)
 @pytest.fixture
 def timed(study, monkeypatch):
     """The study's case with a limit on its time; the function that runs it takes the machine's conditions."""
-    kind = KINDS["order_conditions"]
-    honest = kind.run
+    honest = KIND.run
 
     def run(case, **settings):
         yield from honest(case, **settings)
         yield Measured("time", 2.0, timed=True)
 
-    monkeypatch.setattr(kind, "run", run)
+    monkeypatch.setattr(KIND, "run", run)
     monkeypatch.setattr(runner, "TIMED", {"order_conditions"})
     study.limit = 1.0
 
