@@ -1,7 +1,6 @@
 """Trees, prismatic joints and free bases: files represent all of them, and other engines that load them agree."""
 
 import re
-from xml.etree import ElementTree as ET
 
 import mujoco
 import numpy as np
@@ -11,7 +10,6 @@ import flexlink as fl
 from flexlink.dynamics.placement import frames
 from flexlink.engines import load
 from flexlink.formats import FORMATS
-from flexlink.formats.document import loaded_tip
 from flexlink.formats.mjcf import depth_first
 from flexlink.formats.small_mass import with_small_mass
 from tests.engines.test_engines import engine
@@ -45,22 +43,6 @@ def test_small_masses_are_added_between_joints_of_a_tree_but_not_to_its_base(for
     assert filled.mass - chain.mass == pytest.approx(5e-6, rel=1e-6)  # the boom's motor, and x and y of its two hinges
     q = np.linspace(-0.5, 0.5, chain.n)
     assert fl.mass_matrix(filled, q) == pytest.approx(fl.mass_matrix(chain, q), abs=1e-4)
-
-
-def test_files_represent_sliding_joints_free_bases_and_branches(chain: fl.Chain) -> None:
-    robot = ET.fromstring(fl.to_urdf(chain))
-    kinds = {joint.attrib["name"]: joint.attrib["type"] for joint in robot.findall("joint")}
-    assert kinds["boom"] == kinds["boom.gear"] == "prismatic"
-    assert kinds["panel.1.z"] == "revolute"
-    assert not [joint for joint in robot.findall("joint") if joint.find("child").attrib["link"] == "base_link"]
-    (base,) = (link for link in robot.findall("link") if link.attrib["name"] == "base_link")
-    assert float(base.find("inertial/mass").attrib["value"]) == 100.0
-    model = mujoco.MjModel.from_xml_string(fl.to_mjcf(chain))
-    assert model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE
-    assert (model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE).sum() == 2  # motor and boom
-    assert {"panel", "left", "tip"} <= {model.body(k).name for k in range(model.nbody)}
-    model = ET.fromstring(fl.to_sdf(chain)).find("world/model")
-    assert len(model.findall("link")) == len(model.findall("joint")) + 1
 
 
 def test_a_keyframe_places_the_base_by_a_quaternion_and_joints_branch_by_branch(chain: fl.Chain) -> None:
@@ -113,16 +95,6 @@ def test_nearly_aligned_inertia_axes_are_permuted_for_mujoco() -> None:
         q = np.array([0.3, 0.7])
         M = fl.mass_matrix(chain, q)
         assert load("mujoco", chain).mass_matrix(q) == pytest.approx(M, abs=4 * EPS * M.max())
-
-
-def test_the_wrench_acts_at_the_tip_that_the_scene_names(chain: fl.Chain) -> None:
-    assert loaded_tip(chain).name == "left"
-    last = fl.lump(satellite().varied({"wrench.on": ""}))
-    q, wrench = np.full(chain.n, 0.2), np.array([1.0, 2.0, -3.0, 0.5, 0.1, -0.2])
-    for one in (chain, last):
-        expected = fl.bias_torque(one, q, 0 * q, tip_wrench=wrench)
-        for name in ("pinocchio", "mujoco"):
-            assert load(name, one).bias_torque(q, 0 * q, tip_wrench=wrench) == pytest.approx(expected, abs=1e-10)
 
 
 @pytest.mark.parametrize("name", [engine("pinocchio"), engine("mujoco"), engine("exudyn")])

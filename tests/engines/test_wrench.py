@@ -80,15 +80,6 @@ def test_a_smooth_wrench_table_is_interpolated_like_a_drive_table() -> None:
     np.testing.assert_allclose(run.tip_wrench[:, 0], run.tau[:, 0], rtol=0, atol=1e-13)
 
 
-def test_several_states_need_an_equal_number_of_wrenches() -> None:
-    chain = fl.lump(arm(IN_TIME["constant"]))
-    still = np.zeros((3, chain.n))
-    with refused(fl.errors.ArgumentError, "wrong-shape"):
-        fl.forward_dynamics(chain, still, still, still, tip_wrench=np.ones((2, 6)))
-    with refused(fl.errors.ArgumentError, "not-finite"):
-        fl.bias_torque(chain, still, still, tip_wrench=[[0] * 6, [0, 0, 0, 0, 0, np.nan], [0] * 6])
-
-
 ROD = {"length": 0.5, "joint": fl.Joint(armature=0.1)}  # J = 0.1 kg m²; the rod is massless
 
 

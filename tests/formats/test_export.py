@@ -43,14 +43,6 @@ def test_any_name_gives_valid_xml(name: str, format: str) -> None:
     assert any(joint.get("name", "").startswith(readable) for joint in root.iter("joint"))
 
 
-@pytest.mark.parametrize("name", STRANGE_NAMES, ids=ascii)
-def test_engines_keep_unusual_joint_names(name: str) -> None:
-    chain = fl.lump(make_scene(flexible(name, "yz", 3)))
-    names = [name, f"{name}.1.y", f"{name}.1.z", f"{name}.2.y", f"{name}.2.z"]
-    assert list(PinocchioEngine(chain).model.names)[1:] == names
-    assert mujoco_joint_names(chain) == names
-
-
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
 def test_colliding_names_get_different_suffixes(engine: str) -> None:
     names = ("upper", "upper.1.z", "universe", "world", "tip", "base_link", "tip_joint")
@@ -163,11 +155,6 @@ def test_a_mass_matrix_close_to_singular_is_exported_or_refused_by_name(damping:
                 assert error.id == "joint-without-inertia"
                 known += 1
     assert 0 < known < 3 * 41
-
-
-def mujoco_joint_names(chain: fl.Chain) -> list[str]:
-    model = MujocoEngine(chain).model
-    return [model.joint(k).name for k in range(model.njnt)]
 
 
 def test_numbers_read_back_exactly_and_negative_zero_is_written_as_zero(rng: np.random.Generator) -> None:

@@ -19,7 +19,6 @@ from flexlink.identification.block import Colour, colour_of
 from flexlink.identification.coordinates import coordinate_of, coordinates_of
 from flexlink.identification.data import recorded
 from flexlink.identification.identifiability import Check
-from flexlink.identification.interval import spread_of
 from flexlink.identification.signals import STEP, Signals
 from flexlink.identification.sources import sources_of
 from flexlink.motion.slopes_of_runs import CENTRAL_4
@@ -111,25 +110,6 @@ class TestSlopes:
 
 
 class TestInterval:
-    def test_the_interval_of_a_mean_in_ar1_noise_is_at_least_the_textbook_interval(self) -> None:
-        ρ, n, rng = 0.8, 400, np.random.default_rng(3)
-        spreads = []
-        for _ in range(60):
-            w = rng.standard_normal(n + 100)
-            e = np.zeros(n + 100)
-            for k in range(1, n + 100):
-                e[k] = ρ * e[k - 1] + w[k]
-            spreads.append(spread_of([([e[100:] - e[100:].mean()], [np.ones((n, 1))], True)], np.zeros((0, 1))))
-        true = 1 / (1 - ρ) / np.sqrt(n)  # long-run standard deviation over √n
-        found = float(np.median([one.deviations[0] for one in spreads]))
-        assert true <= found <= 1.1 * math.sqrt(5 / 3) * true
-
-    def test_white_noise_gives_the_classical_interval(self) -> None:
-        e = np.random.default_rng(0).standard_normal(2000)
-        J = np.random.default_rng(1).standard_normal((2000, 2))
-        found = spread_of([([e], [J], True)], np.zeros((0, 2)))
-        np.testing.assert_allclose(found.covariance, np.linalg.inv(J.T @ J) * e.var(), atol=5e-5)
-
     def test_whitening_inverts_the_noise_covariance_including_the_first_samples(self) -> None:
         a, n = np.array([1.0, -1.6, 0.9]), 50
         pulse = lfilter([1.0], a, np.eye(1, 2000).ravel())

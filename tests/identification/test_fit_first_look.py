@@ -257,6 +257,7 @@ class TestFiles:
         assert run.set["motion"][0]["file"] == str(tmp_path / "led.csv")
         assert (run.set[lumping], modes.set[lumping]) == ("gauss", str(tmp_path / "own.toml"))
 
+
 def test_table_heads_are_capitalized_except_symbols_and_paths() -> None:
     heads = "standard deviation", "p of whiteness", "tip.mass", "link.a.root_stiffness.y", "± of 95 % [%]", "RMS before"
     assert [head for head in heads if sentence_case(head) != head] == ["standard deviation"]

@@ -54,10 +54,6 @@ def test_a_weak_effect_is_reported_with_less_than_10000_percent(effect: float) -
     assert "e+0" not in text.replace("e+02", "").replace("e+03", "")
 
 
-def test_an_effect_no_larger_than_its_error_does_not_count() -> None:
-    assert texts(checked(known([50.0, 0.5]), 0.1, NAMES[:2])) == no_effect()
-
-
 def test_equally_involved_parameters_are_listed_in_the_order_of_the_problem() -> None:
     """Only the product of a and b matters: rounding used to decide which one was named first."""
     for seed in range(20):
