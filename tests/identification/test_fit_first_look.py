@@ -162,11 +162,6 @@ class TestReasons:
         assert "root_stiffness.z" in lost.text and -1 < lost.text.find("flex = 'z'") < lost.text.find(" y")
         reviewed("no-effect", lost.text)
 
-    def test_a_spring_about_the_right_axis_is_identifiable(self) -> None:
-        scene = strip(y=900.0)
-        found = check(film(T, scene), "link.strip.root_stiffness.y", scene=scene)
-        assert found.passed
-
 
 @pytest.mark.parametrize(
     ("name", "units"),

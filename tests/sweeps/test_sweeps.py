@@ -173,12 +173,6 @@ def test_a_missing_quantity_fails_the_member_but_keeps_the_other_quantities(pape
     reviewed("sweeps: missing quantity", rows.failed[0])
 
 
-def test_warnings_are_stored(paper: fl.Scene) -> None:
-    insisting = paper.varied({"run.step": 5e-4, "run.unstable": "allow"})
-    (warning,) = fl.sweep(masses(insisting, 0.0)).column("warnings")
-    assert warning.startswith("run.step = 0.0005 s")
-
-
 def test_sweep_reductions_give_the_named_values() -> None:
     t, x = np.array([0.0, 1.0, 2.0]), np.array([1.0, -3.0, 2.0])
     found = {name: float(reduce(t, x)) for name, reduce in REDUCTIONS.items()}
