@@ -1,4 +1,4 @@
-"""Cost versus accuracy: references belong to their scenes, the cheapest run counts, and an error is split into parts."""
+"""Cost versus accuracy: references belong to their scenes, the cheapest run counts, an error is split into parts."""
 
 import math
 

@@ -328,11 +328,9 @@ def test_a_case_that_cannot_run_is_named_and_the_others_run(study, capsys):
 
 @pytest.mark.slow
 def test_in_parallel_a_case_that_cannot_run_does_not_stop_the_others(study, monkeypatch):
-    class Pool(futures.ThreadPoolExecutor):  # processes would not know the cases of this test
-        def __init__(self, *_, **__):
-            super().__init__(2)
-
-    monkeypatch.setattr(runner, "_pool", Pool)
+    monkeypatch.setattr(
+        runner, "_pool", lambda *_: futures.ThreadPoolExecutor(2)
+    )  # in processes, cases differ
     for name in ("b", "c", "d"):
         study.case_file.with_name(f"{name}.toml").write_text(CASE, encoding="utf-8")
     study.case_file.write_text(CASE.replace('["RK2"]', '["RK7"]'), encoding="utf-8")
@@ -618,13 +616,6 @@ def test_without_a_load_count_only_the_loop_decides(monkeypatch):
     assert machine.LoadMonitor().conditions().load is None
 
 
-def test_every_file_in_kinds_defines_a_kind():
-    files = {path.stem for path in (ROOT / "validation" / "kinds").glob("*.py")} - {"__init__"}
-    assert set(KINDS) == files
-    assert all(hasattr(kind, "run") for kind in KINDS.values())
-    assert set(SETTINGS) == files
-
-
 def test_a_study_without_a_checkout_is_refused(study, capsys, monkeypatch, tmp_path):
     monkeypatch.setattr("validation.__main__.MODELS", tmp_path / "site-packages" / "models")
     assert study()[0] == 2
@@ -652,17 +643,7 @@ def test_the_store_does_not_import_engines_or_rich():
     assert shown.stdout.strip() == "[]"
 
 
-ROWS = """
-kind  = "order_conditions"
-title = "a title"
-about = "a case for tests"
-settings.methods = ["RK2", "RK4"]
-
-[quantity.residual]
-metric    = "largest residual"
-tolerance = 1e-40
-reason    = "exact"
-"""
+ROWS = CASE.replace('["RK2"]', '["RK2", "RK4"]')
 
 
 @pytest.mark.parametrize(("stated", "limit"), [
