@@ -328,9 +328,7 @@ def test_a_case_that_cannot_run_is_named_and_the_others_run(study, capsys):
 
 @pytest.mark.slow
 def test_in_parallel_a_case_that_cannot_run_does_not_stop_the_others(study, monkeypatch):
-    monkeypatch.setattr(
-        runner, "_pool", lambda *_: futures.ThreadPoolExecutor(2)
-    )  # in processes, cases differ
+    monkeypatch.setattr(runner, "_pool", lambda *_: futures.ThreadPoolExecutor(2))  # in processes, cases differ
     for name in ("b", "c", "d"):
         study.case_file.with_name(f"{name}.toml").write_text(CASE, encoding="utf-8")
     study.case_file.write_text(CASE.replace('["RK2"]', '["RK7"]'), encoding="utf-8")
