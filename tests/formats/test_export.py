@@ -116,21 +116,17 @@ WHEEL = fl.RigidBody(inertia=(0.0, 0.0, 1.1))
 
 
 @pytest.mark.parametrize(
-    ("links", "tip", "id"),
+    ("call", "links", "tip", "id"),
     [
-        ((flexible("upper"), fl.Link(name="wrist")), None, "engine-cannot-load"),  # a last link without mass
-        ((fl.Link(name="rod", length=1.0),), fl.RigidBody(mass=1.0), "inertia-impossible"),  # a point mass
-        (
-            (fl.Link(name="rod", length=1.0, hub=WHEEL),),
-            SOLID,
-            "inertia-impossible",
-        ),  # no body has this
+        (MujocoEngine, (flexible("upper"), fl.Link(name="wrist")), None, "engine-cannot-load"),  # the wrist has no mass
+        (fl.to_mjcf, (fl.Link(name="rod", length=1.0),), fl.RigidBody(mass=1.0), "inertia-impossible"),  # a point mass
+        (fl.to_mjcf, (fl.Link(name="rod", length=1.0, hub=WHEEL),), SOLID, "inertia-impossible"),  # no body has this
     ],
 )
-def test_bodies_that_mujoco_cannot_have_are_refused_by_name(links, tip, id) -> None:
+def test_bodies_that_mujoco_cannot_have_are_refused_by_name(call, links, tip, id) -> None:
     chain = fl.lump(make_scene(*links, tip=tip))
     with refused(ArgumentError, id):
-        MujocoEngine(chain)
+        call(chain)
     assert PinocchioEngine(chain).n == chain.n
 
 
