@@ -98,6 +98,13 @@ def test_allocation_uses_the_fewest_hinges_that_meet_the_error_limit(constants, 
     assert hinges_of(model) <= cheapest_of_all(beams, allowed) + 1
 
 
+def test_hinge_counts_scale_with_the_cube_root_of_the_link_errors() -> None:
+    model = allocation(Beams(1.0, 8.0)).cheapest(0.02)
+    assert model is not None
+    first, second = (bend.hinges for bend in model if bend)
+    assert second / first == pytest.approx(2.0, rel=0.1)
+
+
 def test_links_become_rigid_and_axes_are_dropped_if_the_error_limit_allows_it() -> None:
     assert allocation(Beams(1.0, 1e-6)).cheapest(1.1e-2) == (by_rule("z", 10), None)
     less = {(0, "z"): 2e-3, (0, "yz"): 1e-3}

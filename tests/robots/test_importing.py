@@ -9,6 +9,7 @@ from typing import Any, cast
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -89,6 +90,17 @@ def test_imports_and_robots_have_a_short_representation(robot) -> None:
     ):
         assert all(name in shown for name in names)
         reviewed("repr", shown)
+
+
+def test_the_tip_is_at_the_frame_of_its_link(robot) -> None:
+    """The tip is compared with Pinocchio's placement of the link's frame."""
+    described, path, imported = robot(1)
+    chain, q = fl.lump(imported.scene), np.array([0.1, -0.7, 1.3])
+    original = Original(path, list(described.free), {**described.posture, **described.locked}, np.zeros(3))
+    pin.framesForwardKinematics(original.model, original.data, original._posture(q))
+    tip = original.data.oMf[original.model.getFrameId("p9 link")]
+    assert fl.tip_position(chain, q) == pytest.approx(tip.translation, abs=1e-14)
+    assert fl.frames(chain, q).rotations[-1] == pytest.approx(tip.rotation, abs=1e-14)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
