@@ -11,11 +11,11 @@ from flexlink.engines import load
 from tests.conftest import ROOT
 from validation.case import load_cases
 from validation.kinds import frequencies
-from validation.oracles import tensioned_beam
+from validation.oracles import bent_rods, tensioned_beam
 from validation.oracles.tensioned_beam import Beam
-from validation.physics import parity
+from validation.physics import axial_references, parity
 from validation.physics.variant import Rule
-from validation.reference_values import look_up
+from validation.reference_values import look_up, reference_array
 
 CASES = {case.name: case for case in load_cases("physics_*")}
 
@@ -26,6 +26,15 @@ CASES = {case.name: case for case in load_cases("physics_*")}
 def test_stored_frequencies_agree_with_the_power_series_solution(key, beam):
     with mp.workdps(30):
         assert mp.almosteq(mp.mpf(look_up("axial_load", key)[0]), tensioned_beam.frequencies(beam, 1)[0], rel_eps=1e-18)
+
+
+def test_stored_tip_positions_agree_with_numerical_integration():
+    assert float(bent_rods.follower(5.0)[0]) == pytest.approx(
+        float(look_up("bent_rods", "follower", "5")[0]), rel=1e-15
+    )
+    tip = bent_rods.in_space(axial_references.FORCE, axial_references.RIGIDITY)
+    assert tip == pytest.approx(reference_array("bent_rods", "space", "tip"), abs=1e-13)
+    assert float(look_up("bent_rods", "space", "two_methods_apart")) < 1e-10  # tolerance of the coarser method
 
 
 def test_derivatives_at_a_steady_rate_give_the_centrifugal_stiffness():

@@ -10,6 +10,7 @@ import flexlink as fl
 from flexlink.describe.schemes.methods import method
 from reports.findings import oracles
 from tests.support.words import refused
+from validation.kinds.energy_drift import modal_loss, released_modes
 from validation.oracles import exact_runge_kutta
 from validation.oracles.common_origin import of_state
 from validation.oracles.planar_chain import DIGITS, PlanarChain
@@ -57,3 +58,21 @@ def test_every_independent_reference_is_listed_and_imports_no_algorithm_of_the_l
 @pytest.mark.parametrize(("oracle", "data"), [*zip(("common_origin", "exact_runge_kutta"), DATA, strict=True)])
 def test_indirect_imports_are_found(oracle: str, data: str) -> None:
     assert data in oracles.imports_of(oracle)
+
+
+def test_predicted_energy_loss_of_an_oscillator_follows_from_the_stability_function():
+    ω, h, steps = 700.0, 1e-3, 200  # ω h = 0.7
+    A, b, _ = method("RK4").arrays
+    z = 1j * ω * h
+    R = 1 + z * b @ np.linalg.solve(np.eye(4) - z * A, np.ones(4))
+    assert modal_loss("RK4", np.array([ω * h]), np.array([2.0]), steps) == pytest.approx(2 * (1 - abs(R) ** 400))
+
+
+def test_the_release_of_a_straight_arm_gives_its_modes_the_energy_of_the_static_bend():
+    """With all joints locked, the mode energies add up to the spring energy at static deflection, ½ T_G·K⁻¹·T_G."""
+    scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied({"link.*.joint.locked": True})
+    chain = fl.lump(scene)
+    ω, E = released_modes(scene)
+    load = fl.gravity_torque(chain, np.zeros(chain.n))
+    assert len(ω) == chain.n == 8
+    assert E.sum() == pytest.approx(0.5 * load @ (load / chain.stiffness), rel=1e-12, abs=0)
