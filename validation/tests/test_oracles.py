@@ -8,6 +8,7 @@ from mpmath import mp, mpf
 
 import flexlink as fl
 from flexlink.describe.schemes.methods import method
+from flexlink.dynamics.vibration.stability_function import stability_function
 from reports.findings import oracles
 from tests.support.words import refused
 from validation.kinds.energy_drift import modal_loss, released_modes
@@ -30,6 +31,16 @@ def test_spatial_vectors_about_one_point_agree_with_projected_newton_euler(rng):
         qdd = judge.forward_dynamics(exactly(q), exactly(qd), exactly(tau))
         for name, exact in (("M", M.tolist()), ("T_GC", bias), ("q̈", qdd)):
             np.testing.assert_array_max_ulp(found[name], np.array(exact, dtype=float), 1)
+
+
+@pytest.mark.parametrize("name", ["RK4", "DOP853", "Gauss4", "Radau5", "Radau9"])
+def test_runge_kutta_in_many_digits_multiplies_an_oscillator_by_the_stability_function(name):
+    """For q̈ = −q, every step of an explicit or implicit method multiplies q + i q̇ by R(−ih)."""
+    with mp.workdps(DIGITS):
+        q, p = exact_runge_kutta.integrate(lambda q, _: [-q[0]], method(name), ([mpf(1)], [mpf(0)]), mpf("0.5"), 1)
+    R = complex(stability_function(method(name), np.array([-0.5j]))[0])
+    assert float(q[0]) == pytest.approx(R.real, abs=1e-14)
+    assert float(p[0]) == pytest.approx(R.imag, abs=1e-14)
 
 
 def test_stages_that_do_not_converge_raise_an_error():
