@@ -126,6 +126,17 @@ def test_added_inertia_is_infinite_for_a_joint_without_inertia() -> None:
     assert added_inertia(chain, np.zeros(chain.n), mass=1e-9) == np.inf
 
 
+def test_files_with_small_masses_read_back_and_are_read_by_mujoco(capsys, tmp_path) -> None:
+    pytest.importorskip("mujoco")
+    chain = with_small_mass(fl.lump(make_scene(flexible("upper"), fl.Link(name="wrist"))), mass=1e-6)
+    for format in FORMATS.values():
+        if format.read is None:
+            continue
+        back = format.read(format.write(chain))
+        assert back.bodies["mass"].tolist() == chain.bodies["mass"].tolist()
+    fl.to_mjcf(chain)
+
+
 def test_the_command_line_prints_the_effect_of_a_small_mass(tmp_path, capsys) -> None:
     scene = str(ROOT / "models" / "t3_spatial.toml")
     assert main(["export", scene, "--format", "sdf", "--small-mass", "1e-9", "--out", str(tmp_path)]) == 0
