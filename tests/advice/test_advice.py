@@ -9,7 +9,6 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pytest
-from msgspec.structs import replace
 from numpy.typing import NDArray
 
 import flexlink as fl
@@ -25,10 +24,10 @@ from flexlink.advice.refinement import AxisScreening, Level, RefinementStudy, lo
 from flexlink.advice.rigid import release
 from flexlink.advice.search import Allocation, Search
 from flexlink.advice.verdict import Advice
-from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.results.convergence import Limit
 from tests.conftest import make_scene
+from tests.support.beams import steel_bars
 from tests.support.words import reviewed
 
 Array = NDArray[np.float64]
@@ -46,9 +45,6 @@ def outcome(tip: Array, evaluations: int = 100, why: str = "") -> Outcome:
     """Outcome of a run that has only the fields which the tests read."""
     run = SimpleNamespace(steps=SimpleNamespace(evaluations=evaluations), t=0.01 * np.arange(len(tip)))
     return Outcome(tip, 1e-6 * evaluations, cast("Any", run), Stepping("Radau5"), why)
-
-
-# models
 
 
 class Beams:
@@ -145,27 +141,10 @@ def test_no_model_is_proposed_with_far_more_hinges_than_were_run() -> None:
     assert allocation(Beams(1.0, np.inf)).cheapest(1e-2) is None  # the error is unknown after a failed run
 
 
-def bars(*, skew: float = 0.0) -> Scene:
-    """Two soft bars that fall; the second joint is tilted out of the plane by `skew` [deg]."""
-    links = tuple(
-        fl.Link(
-            name=f"bar{k}", length=1.0, material="steel", section="square", mount=fl.Mount(rpy_deg=(k * skew, 0, 0))
-        )
-        for k in range(2)
-    )
-    square = fl.Section(shape="rectangle", height=0.006, width=0.006)
-    return fl.Scene(
-        name="bars", arm=fl.Arm(links=links, materials={"steel": fl.Material(young=210e9, density=7850.0)},
-                                sections={"square": square}),
-        gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_deg=(0.0, 0.0)),
-        run=fl.RunSettings(duration=0.2, sample=0.01, step=0.01),
-    )  # fmt: skip
-
-
 @pytest.fixture(scope="module", params=[(0.0, ("z", "z")), (60.0, ("yz", "yz"))], ids=["plane", "space"])
 def measured(request: pytest.FixtureRequest) -> tuple[ModelRunner, LinkErrors]:
     skew, axes = request.param
-    scene = bars(skew=skew)
+    scene = steel_bars(0.006, links=2, **{"run.duration": 0.2, "link.bar1.mount.rpy_deg": (skew, 0, 0)})
     runner, goal = ModelRunner(scene, 1.0), goal_of(1e-3, deflection=False, band=None, run=scene.run)
     refinement = RefinementStudy(runner, NORM, goal, axes, Stepping("Radau5", tolerance=1e-5))
     refinement.refine()
@@ -194,9 +173,6 @@ def test_dropping_a_bending_axis_adds_the_measured_error(measured: tuple[ModelRu
             model = uniform(fewer, link_errors.base, link_errors.family)
             error = link_errors.from_limit(runner.run(model, stepping).tip)
             assert link_errors.error(model) == pytest.approx(error, rel=0.05)
-
-
-# steps
 
 
 class Oracle:
@@ -260,15 +236,17 @@ def test_tolerances_are_loosened_by_2_then_by_the_root_of_2_while_the_error_stay
     assert {1.0, 2.0, 4.0, 8.0, 16.0, factor} <= oracle.factors
 
 
-def test_a_finer_model_is_chosen_if_a_looser_tolerance_makes_it_cheaper() -> None:
-    _, hinges, factor = searched(lambda x: 0.01 * x, lambda x: 0.1 / x)
-    assert (hinges, factor) == (5, 32.0)
-
-
-def test_fewer_hinges_are_chosen_if_errors_cancel() -> None:
-    """Steps with eight times the allowed error make the model with three hinges accurate."""
-    _, hinges, factor = searched(lambda x: -0.7 if x == 8.0 else 0.01 * x, lambda x: 0.1 * x**-0.1)
-    assert (hinges, factor) == (3, 8.0)
+@pytest.mark.parametrize(
+    ("of_steps", "evaluations", "chosen"),
+    [
+        (lambda x: 0.01 * x, lambda x: 0.1 / x, (5, 32.0)),  # a looser tolerance makes a finer model cheaper
+        (lambda x: -0.7 if x == 8.0 else 0.01 * x, lambda x: 0.1 * x**-0.1, (3, 8.0)),  # errors cancel
+        (lambda x: 0.01 * x, lambda x: 0.1 * max(1 / x, x / 16), (4, 4.0)),  # the cheapest tolerance
+        (lambda x: 2.0 * x, lambda x: 0.1 * x**-0.25, (6, 0.25)),  # the step error is too large
+    ],
+)
+def test_the_cheapest_hinges_and_tolerance_are_chosen(of_steps: Errors, evaluations: Errors, chosen) -> None:
+    assert searched(of_steps, evaluations)[1:] == chosen
 
 
 @pytest.mark.parametrize(("explicit", "tried", "chosen"), [(0.5, True, True), (1.5, True, False), (9.0, False, False)])
@@ -278,24 +256,11 @@ def test_explicit_steps_are_tried_if_stability_allows_and_chosen_if_cheaper(expl
     assert (runner.chosen == "DOP853") == chosen
 
 
-def test_the_cheapest_tolerance_is_chosen() -> None:
-    _, hinges, factor = searched(lambda x: 0.01 * x, lambda x: 0.1 * max(1 / x, x / 16))
-    assert (hinges, factor) == (4, 4.0)
-
-
-def test_the_tolerance_is_tightened_if_the_step_error_is_too_large() -> None:
-    _, hinges, factor = searched(lambda x: 2.0 * x, lambda x: 0.1 * x**-0.25)
-    assert (hinges, factor) == (6, 0.25)
-
-
 @pytest.mark.parametrize(("fixed", "taken"), [(0.01, True), (9.0, False)])
 def test_fixed_steps_are_chosen_if_they_are_predicted_to_be_cheaper(fixed: float, taken: bool) -> None:
     oracle, _, factor = searched(lambda x: 0.01 * x, lambda x: 0.1 * x**-0.25, fixed)
     assert (0.0 in oracle.factors) == taken
     assert (factor == 0.0) == taken
-
-
-# limits
 
 
 def study_of_levels(family: str = "gauss", **paths: Array) -> RefinementStudy:
@@ -309,19 +274,16 @@ def study_of_levels(family: str = "gauss", **paths: Array) -> RefinementStudy:
     return refinement
 
 
-def test_second_order_levels_are_extrapolated_to_their_exact_limit() -> None:
-    paths = {f"n{n}": along_x(0.0, 0.1 + 1e-3 / n**2, 0.2 + 4e-3 / n**2) for n in (1, 2, 4)}
-    limit = study_of_levels(**paths).limit
-    assert limit is not None
-    assert limit.tip == pytest.approx(along_x(0.0, 0.1, 0.2), abs=1e-15)
+LEVELS = [(4, 8, 12), (8, 12, 16), (12, 16, 24), (24, 32, 48)]
 
 
-@pytest.mark.parametrize("order", [2, 4])
-@pytest.mark.parametrize("levels", [(4, 8, 12), (8, 12, 16), (12, 16, 24), (24, 32, 48)])
-def test_cell_levels_are_extrapolated_to_their_exact_limit_with_the_order_that_they_show(levels, order) -> None:
+@pytest.mark.parametrize(
+    ("family", "levels", "order"), [("gauss", (1, 2, 4), 2), *(("lobatto", n, p) for n in LEVELS for p in (2, 4))]
+)
+def test_levels_are_extrapolated_to_their_exact_limit_with_the_order_that_they_show(family, levels, order) -> None:
     """Large bending in space reduces the order of cells to 2."""
     paths = {f"n{n}": along_x(0.0, 0.1 + 1e-3 / n**order, 0.2 + 4e-3 / n**order) for n in levels}
-    limit = study_of_levels("lobatto", **paths).limit
+    limit = study_of_levels(family, **paths).limit
     assert limit is not None
     assert limit.tip == pytest.approx(along_x(0.0, 0.1, 0.2), abs=1e-15)
 
@@ -367,17 +329,15 @@ def test_the_error_of_a_limit_is_estimated_from_its_change() -> None:
 
 def test_a_released_static_deflection_moves_the_joint_and_the_remainder_vibrates() -> None:
     """A bar with a heavy load sags by m g L³ / 3EI; on release the load stays in place, and the joint turns."""
-    load, two = 1000.0, bars()
-    arm = replace(two.arm, links=two.arm.links[:1], tip=fl.RigidBody(mass=load))
-    initial = fl.InitialState(joint_deg=(0.0,), passive="static")
-    scene = replace(two, arm=arm, gravity=(0.0, -0.001, 0.0), initial=initial)
+    load, sags = 1000.0, {"initial.passive": "static", "run.duration": 0.2}
+    scene = steel_bars(0.006, **sags, **{"tip.mass": load, "gravity": (0.0, -0.001, 0.0)})
     runner, model = ModelRunner(scene, 1.0), uniform(("z",), 2)
     strict = runner.run((None,), Stepping("Radau5", tolerance=1e-9))
     start, drift = release(runner, strict, model, np.zeros(runner.chain(model).n))
     sag = load * 0.001 / (3 * 210e9 * 0.006**4 / 12)
     assert start == pytest.approx([0.0, -sag, 0.0], abs=0.01 * sag)
     assert drift[0] == pytest.approx([0.0, -sag, 0.0], abs=0.01 * sag)
-    straight = ModelRunner(replace(scene, initial=fl.InitialState(joint_deg=(0.0,))), 1.0)
+    straight = ModelRunner(scene.varied({"initial.passive": "zero"}), 1.0)
     assert not release(straight, strict, model, np.zeros(3))[1].any()
 
 
@@ -420,9 +380,6 @@ def test_if_the_last_strict_run_fails_a_coarser_level_estimates_the_step_error()
     assert refinement.limit is before
 
 
-# horizons
-
-
 @pytest.mark.parametrize(
     ("off", "known", "holds"),
     [
@@ -437,9 +394,6 @@ def test_the_horizon_is_the_last_sample_before_the_tolerance_is_exceeded(off, kn
     refinement = study_of_levels(n2=ALLOWED * along_x(*off))
     refinement.limit = Limit(along_x(*[0.0] * 5), np.zeros(5))
     assert refining.horizon(refinement, NORM, ALLOWED * np.array(known)) == pytest.approx(holds)
-
-
-# axes
 
 
 def test_errors_of_all_dropped_axes_are_limited_together() -> None:
@@ -457,7 +411,9 @@ def test_errors_of_all_dropped_axes_are_limited_together() -> None:
     assert ["too much" in trial for trial in screening.trials] == [True, False, True]
 
 
-# growth
+def growth(runner: Any, finest: Outcome) -> tuple[float, float]:
+    refinement = SimpleNamespace(finest=SimpleNamespace(outcome=finest), model=(None,), travel=1.0)
+    return refining.error_growth(runner, cast("Any", refinement), ALLOWED)
 
 
 def test_error_growth_is_the_largest_tip_error_over_the_initial_tip_error() -> None:
@@ -469,10 +425,7 @@ def test_error_growth_is_the_largest_tip_error_over_the_initial_tip_error() -> N
         return outcome(base + angle * reach * along_x(1.0, 2.0, 3.0, 2.0))
 
     runner = SimpleNamespace(chain=lambda _: SimpleNamespace(size=reach), perturbed_run=perturbed_run)
-    refinement = SimpleNamespace(finest=SimpleNamespace(outcome=finest), model=(None,), travel=1.0)
-    factor, e_fold = refining.error_growth(cast("ModelRunner", runner), cast("RefinementStudy", refinement), ALLOWED)
-    assert factor == pytest.approx(3.0)
-    assert e_fold == np.inf
+    assert growth(runner, finest) == (pytest.approx(3.0), np.inf)
 
 
 def test_the_time_constant_of_exponential_error_growth_is_found() -> None:
@@ -483,12 +436,7 @@ def test_the_time_constant_of_exponential_error_growth_is_found() -> None:
         chain=lambda _: SimpleNamespace(size=1.0),
         perturbed_run=lambda model, stepping, angle: outcome(finest.tip + angle * off),
     )
-    refinement = SimpleNamespace(finest=SimpleNamespace(outcome=finest), model=(None,), travel=1.0)
-    factor, e_fold = refining.error_growth(cast("ModelRunner", runner), cast("RefinementStudy", refinement), ALLOWED)
-    assert (factor, e_fold) == pytest.approx((np.exp(5.0), 0.2))
-
-
-# deflections and budgets
+    assert growth(runner, finest) == pytest.approx((np.exp(5.0), 0.2))
 
 
 def test_the_rigid_link_estimate_gives_the_sag_of_a_cantilever_beam() -> None:
@@ -496,15 +444,8 @@ def test_the_rigid_link_estimate_gives_the_sag_of_a_cantilever_beam() -> None:
 
     Its vibration in 0.02 s, a sixth of a period, is smaller than the sag. The estimate is 2.5 times the sag.
     """
-    bar = fl.Link(name="bar", length=1.0, material="steel", section="square")
-    steel, square = fl.Material(young=210e9, density=7850.0), fl.Section(shape="rectangle", height=0.01, width=0.01)
-    still = fl.PrescribedMotion(link="bar", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
-    scene = fl.Scene(
-        name="bar", arm=fl.Arm(links=(bar,), materials={"steel": steel}, sections={"square": square}),
-        gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_deg=(0.0,)), motion=(still,),
-        run=fl.RunSettings(duration=0.02, sample=0.01, step=0.01),
-    )  # fmt: skip
-    runner, seen = ModelRunner(scene, 1.0), []
+    still = fl.PrescribedMotion(link="bar0", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
+    runner, seen = ModelRunner(steel_bars(0.01, **{"motion": (still,), "run.duration": 0.02}), 1.0), []
 
     def norm(difference: Array) -> float:
         seen.append(difference)
@@ -521,7 +462,8 @@ def test_the_rigid_link_estimate_gives_the_sag_of_a_cantilever_beam() -> None:
 
 def test_a_run_ends_when_its_time_budget_is_used_up() -> None:
     """The budget is a tenth of the measured time of the whole run."""
-    scene, model, steps = bars().varied({"run.duration": 2.0}), (None, None), Stepping("RK4", step=1e-3)
+    scene = steel_bars(0.006, links=2, **{"run.duration": 2.0})
+    model, steps = (None, None), Stepping("RK4", step=1e-3)
     whole = ModelRunner(scene, 60.0).run(model, steps)
     assert whole.completed
     short = ModelRunner(scene, 0.1 * whole.seconds).run(model, steps)
@@ -749,9 +691,6 @@ def test_advice_that_misses_its_tolerance_reports_how_long_the_tolerance_is_met(
     nearly, _ = advised(world, advice.error / TRAVEL / 1.5)
     assert nearly.error > nearly.tolerance > nearly.error / 2
     assert not nearly.met
-
-
-# pieces
 
 
 def study_of(world: World) -> tuple[KnownRunner, TipErrorNorm, RefinementStudy]:

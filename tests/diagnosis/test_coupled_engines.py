@@ -12,18 +12,14 @@ import pytest
 
 import flexlink as fl
 from flexlink.diagnosis.diagnosis import LARGEST, Diagnosis
-from flexlink.diagnosis.mistakes import table
-from flexlink.diagnosis.quantities import QUANTITIES
 from flexlink.dynamics.tangent import stiffness_matrix
-from flexlink.engines import ENGINES, load
-from flexlink.engines.read_back import of_chain, to_chain
+from flexlink.engines import ENGINES
 from flexlink.scene_report.parts import agreement
 from flexlink.scene_report.study import Study
 from tests.chain.test_cells import DAMPED, arm
 from tests.conftest import flexible, make_scene
-from tests.diagnosis.test_their_files import diagnosed, drake, plain_urdf, written
-from tests.engines.test_engines import METHOD, engine, rounding_bound
-from tests.formats.test_coupled_files import odd
+from tests.diagnosis.test_their_files import check_only_named, diagnosed, drake, labels, plain_urdf, written
+from tests.engines.test_engines import engine
 from tests.support import planted
 from tests.support.planted import each, scaled
 from tests.support.words import line, reviewed
@@ -32,53 +28,6 @@ SCENE = arm("xyz", "lobatto2", 5)
 CHAIN = fl.lump(SCENE)
 PAIR = tuple(CHAIN.joint_name(int(CHAIN.couplings[end][1])) for end in ("inner", "outer"))
 NAMES = r"{!r} \w+ {!r}".format(*PAIR)
-every = pytest.mark.parametrize("name", [engine(name) for name in ENGINES if name != "native"])
-
-
-@every
-@pytest.mark.parametrize("rule", ["lobatto2", "lobatto4"])
-def test_all_engines_agree_on_an_arm_with_cells_of_coupled_springs(name: str, rule: str) -> None:
-    found = fl.compare(arm("xyz", rule, 5), engines=[name], samples=40)
-    assert found.passed and [row.quantity for row in found.rows] == list(QUANTITIES), str(found)
-    (diagnosis,) = found.diagnoses
-    assert len(diagnosis.notes) == (name in {"pinocchio", "drake"})
-    for note in diagnosis.notes:
-        reviewed("diagnosis: springs between joints computed by flexlink", note)
-
-
-def label(field: str) -> str:
-    """Readable name of a field of a record."""
-    return table().fields[field].label
-
-
-@every
-def test_engines_agree_at_rest_angles(name: str, rng: np.random.Generator) -> None:
-    hinges = CHAIN.hinges.copy()
-    hinges["rest"] = rng.normal(size=CHAIN.n)
-    chain = dataclasses.replace(CHAIN, hinges=hinges)
-    native, other = load("native", chain), load(name, chain)
-    for q in (chain.rest, rng.normal(size=chain.n)):
-        zero = np.zeros(chain.n)
-        size = chain.times("stiffness", np.abs(q - chain.rest), absolute=True)
-        assert (np.abs(other.elastic_torque(q) - native.elastic_torque(q)) <= 1e-14 * size).all()
-        assert (other.friction_torque(zero) == 0).all()
-
-
-@every
-def test_short_motions_differ_by_rounding_only(name: str) -> None:
-    run = fl.RunSettings(method=METHOD.get(name, "RK4"), step=5e-6, sample=1e-4, duration=2e-3)
-    scene = arm("xyz", "lobatto2", 3, run=run).varied({"initial.rate_deg": (100.0, 300.0)})
-    (_, q, _), (_, other, _) = (load(each_one, fl.lump(scene)).integrate(scene) for each_one in ("native", name))
-    bound = rounding_bound(scene)
-    assert bound < 1e-9 and np.abs(q - q[0]).max() > 1e-4  # the arm moves by much more than the bound
-    assert np.abs(other - q).max() <= bound
-
-
-def test_a_record_is_converted_back_to_its_chain() -> None:
-    chain = odd(CHAIN)
-    again = to_chain(of_chain(chain), chain)
-    for field in ("stiffness", "damping"):
-        assert (again.matrix(field) == chain.matrix(field)).all()
 
 
 def with_coupling(chain: fl.Chain, field: str, factor: float) -> fl.Chain:
@@ -108,11 +57,9 @@ def test_a_wrong_coupled_spring_in_an_engine_file_is_reported(name: str, export:
     (finding,) = diagnosis.findings
     assert not found.passed and diagnosis.explained, found.diagnosis
     reviewed(f"diagnosis: {fault} between joints", line(found.diagnosis, "1. "), values=False)
-    assert re.match(rf"{label(f'coupled_{field}')} {NAMES}: .*{unit}\b.* {shown}$", finding.what)
+    assert re.match(rf"{labels(f'coupled_{field}')} {NAMES}: .*{unit}\b.* {shown}$", finding.what)
     assert {"stiffness": "T_FL", "damping": "T_FR"}[field] in finding.affects
 
-
-# Files from other tools.
 
 TENDON, END = "tendon/fixed", "tendon/fixed/joint"
 URDF, SDF = "flexlink/coupling", ".//{urn:flexlink}coupling"
@@ -159,7 +106,7 @@ def one_twice(root: ET.Element) -> None:
     ET.SubElement(own, "coupling", dict(own[1].attrib) | {"damping": "0"})
 
 
-STIFFNESS, DAMPING = (f"{table().fields[f'coupled_{field}'].label} {NAMES}: " for field in ("stiffness", "damping"))
+STIFFNESS, DAMPING = (f"{labels(f'coupled_{field}')} {NAMES}: " for field in ("stiffness", "damping"))
 NAMED = [
     ("mjcf", "one stiffness", scaled(TENDON, "stiffness", 1.5, only=1), STIFFNESS),
     ("mjcf", "one sign", sign_of_one, rf"{STIFFNESS}.*T_FL, T_FR, q̈;.*{NAMES}"),
@@ -207,12 +154,8 @@ def test_only_the_planted_mistake_is_reported_and_it_explains_all_differences(
 ) -> None:
     """The finding contains the names and values that `named` requires."""
     found = of_file(tmp_path, form, edit)
-    (finding,) = found.findings
-    reviewed(f"diagnosis, {form}: {mistake}, springs between joints", str(finding))
-    assert re.search(named, str(finding)), str(found)
-    assert found.explained and not found.passed
-    if finding.faulty is not None:
-        assert {row.quantity for row in found.rows if not row.passed} <= set(finding.affects)
+    check_only_named(found, named, f"diagnosis, {form}: {mistake}, springs between joints")
+    assert not found.passed
 
 
 def other_coefficients(root: ET.Element) -> None:
@@ -272,7 +215,7 @@ def test_data_that_a_plain_file_cannot_contain_are_taken_from_the_scene_and_note
     computed, taken = found.notes[:2]
     reviewed("diagnosis: springs between joints computed by flexlink", computed)
     reviewed("diagnosis: taken from the scene", taken)
-    assert taken.endswith(f"{label('coupled_stiffness')}, {label('coupled_damping')}")
+    assert taken.endswith(labels("coupled_stiffness", "coupled_damping"))
 
 
 def test_mujoco_takes_data_that_a_urdf_cannot_contain_from_the_scene(tmp_path: Path) -> None:

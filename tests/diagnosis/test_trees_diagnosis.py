@@ -1,7 +1,5 @@
 """compare(scene, file=…) reports exactly the mistake in a file with trees, prismatic joints or free bases."""
 
-import re
-from importlib.util import find_spec
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -10,11 +8,10 @@ import pytest
 
 import flexlink as fl
 from flexlink.diagnosis.comparison import load_file
-from flexlink.diagnosis.quantities import mixed_states
-from flexlink.engines.read_back import of_chain, to_chain
-from tests.diagnosis.test_their_files import diagnosed, written
-from tests.engines.test_trees_engines import satellite
+from flexlink.diagnosis.diagnosis import Diagnosis
+from tests.diagnosis.test_their_files import MADE, check_only_named, diagnosed, each_planted, written
 from tests.support import planted
+from tests.support.beams import satellite
 from tests.support.planted import JOINT, Planted, each, frame_moved, scaled, text_scaled, text_set, unnamed
 from tests.support.urdf_texts import named_tree
 from tests.support.words import line, reviewed
@@ -22,8 +19,11 @@ from tests.support.words import line, reviewed
 SCENE = satellite()
 CHAIN = fl.lump(SCENE)
 BASE = CHAIN.bodies["rotation"][1]
-drake = pytest.mark.skipif(find_spec("pydrake") is None, reason="needs Drake: the extra 'witness'")
 ON_ANOTHER = "a branch on another"
+
+
+def of_file(folder: Path, form: str, edit: planted.Edit | None = None) -> Diagnosis:
+    return diagnosed(written(folder, form, edit, CHAIN), CHAIN, base=BASE)
 
 
 def of_joint(name: str, path: str = ".") -> str:
@@ -69,35 +69,22 @@ PLANTED = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "case",
-    [pytest.param(case, marks=drake if case.form == "sdf" else ()) for case in PLANTED],
-    ids=lambda case: f"{case.form}, {case.mistake}",
-)
+@each_planted(PLANTED)
 def test_only_the_planted_mistake_is_reported_and_it_explains_all_differences(case: Planted, tmp_path: Path) -> None:
     """The finding matches `named`, a pattern of names and values."""
-    found = diagnosed(written(tmp_path, case.form, case.edit, CHAIN), CHAIN, base=BASE)
-    (finding,) = found.findings
-    reviewed(f"diagnosis, {case.form}: {case.mistake}, tree", str(finding))
-    assert re.search(case.named, str(finding)), str(found)
-    differing = {row.quantity for row in found.rows if not row.passed}
-    if case.mistake != ON_ANOTHER:
-        assert found.explained is (True if differing else None)
-    if finding.faulty is not None:
-        assert differing <= set(finding.affects)
+    key = f"diagnosis, {case.form}: {case.mistake}, tree"
+    check_only_named(of_file(tmp_path, case.form, case.edit), case.named, key, case.mistake != ON_ANOTHER)
 
 
-@pytest.mark.parametrize("form", ["urdf", "mjcf", pytest.param("sdf", marks=drake)])
+@pytest.mark.parametrize("form", MADE)
 def test_no_mistake_is_reported_in_our_own_file(form: str, tmp_path: Path) -> None:
-    found = diagnosed(written(tmp_path, form, None, CHAIN), CHAIN, base=BASE)
+    found = of_file(tmp_path, form)
     assert found.passed and not found.findings, str(found)
 
 
 def test_the_position_of_a_sliding_joint_does_not_matter(tmp_path: Path) -> None:
     """Only the direction of a prismatic axis matters."""
-    found = diagnosed(
-        written(tmp_path, "mjcf", each(".//joint[@type='slide']", pos="0.1 0.2 0.3"), CHAIN), CHAIN, base=BASE
-    )
+    found = of_file(tmp_path, "mjcf", each(".//joint[@type='slide']", pos="0.1 0.2 0.3"))
     assert found.passed and not found.findings, str(found)
 
 
@@ -106,25 +93,13 @@ def test_a_file_with_a_fixed_base_is_reported(tmp_path: Path) -> None:
         body = root.find(".//freejoint/..")
         body.remove(body.find("freejoint"))
 
-    found = diagnosed(written(tmp_path, "mjcf", grounded, CHAIN), CHAIN, base=BASE)
-    text = line(str(found), "base.kind")
+    text = line(str(of_file(tmp_path, "mjcf", grounded)), "base.kind")
     reviewed("diagnosis: fixed base", text)
 
 
 def test_a_tree_without_equal_names_of_joints_or_bodies_is_not_matched(tmp_path: Path) -> None:
-    found = diagnosed(written(tmp_path, "mjcf", unnamed, CHAIN), CHAIN, base=BASE)
-    text = line(str(found), "'panel'", "joint.name")
+    text = line(str(of_file(tmp_path, "mjcf", unnamed)), "'panel'", "joint.name")
     reviewed("diagnosis: branches without names", text)
-
-
-def test_the_record_of_a_tree_is_converted_back_to_its_chain() -> None:
-    again = to_chain(of_chain(CHAIN), CHAIN)
-    for state in mixed_states(CHAIN, 4):
-        M = fl.mass_matrix(CHAIN, state.q)
-        assert fl.mass_matrix(again, state.q) == pytest.approx(M, abs=1e-13 * np.abs(M).max())
-        bias = fl.bias_torque(CHAIN, state.q, state.qd, tip_wrench=state.wrench)
-        found = fl.bias_torque(again, state.q, state.qd, tip_wrench=state.wrench)
-        assert found == pytest.approx(bias, abs=1e-11 * np.abs(bias).max())
 
 
 def test_a_urdf_of_another_tool_has_a_free_base_if_the_scene_has_one(tmp_path: Path) -> None:
@@ -189,6 +164,6 @@ def test_in_a_makers_file_the_mistake_is_named_first_and_lost_digits_last(seed: 
 def test_findings_are_in_the_order_of_their_effect_on_accelerations(tmp_path: Path) -> None:
     """A rotor of 20 kg m² at one joint matters more than 0.1 % of the base's mass, which comes first in the record."""
     edits = each(of_joint("right"), armature="20"), scaled(".//body/inertial", "mass", 1 + 1e-3, only=0)
-    rotor, mass = diagnosed(written(tmp_path, "mjcf", planted.both(*edits), CHAIN), CHAIN, base=BASE).findings
+    rotor, mass = of_file(tmp_path, "mjcf", planted.both(*edits)).findings
     assert (rotor.id, mass.id) == ("armature-differs", "mass-differs")
     assert rotor.effect > 2 * mass.effect > 0

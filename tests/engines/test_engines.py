@@ -1,8 +1,11 @@
 """Other engines compute from exported files the same as flexlink; engines that are not installed are skipped."""
 
 import importlib.util
+import itertools
 import re
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,31 +15,23 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from flexlink import (
-    Chain,
-    Drive,
-    FlexlinkError,
-    InitialState,
-    Joint,
-    Link,
-    Mount,
-    PrescribedMotion,
-    Scene,
-    Wrench,
-    initial_state,
-    load_scene,
-    lump,
-    mass_matrix,
-    stable_step,
-)
+import flexlink as fl
 from flexlink.describe.run_settings import steps_explicitly
+from flexlink.details import BaseState
 from flexlink.diagnosis.quantities import QUANTITIES, mixed_states
 from flexlink.dynamics import rounding
 from flexlink.engines import ENGINES, load, load_here
 from flexlink.engines.base import refuse_sampled_inputs
+from flexlink.engines.read_back import of_chain, to_chain
 from flexlink.errors import ArgumentError, DivergenceError, MissingDependencyError
-from tests.conftest import MODELS, ROOT, flexible, make_scene, nasty_scene, random_state
+from tests.chain.test_cells import arm as cells
+from tests.conftest import MODELS, ROOT, flexible, make_scene, nasty_scene
+from tests.formats.test_coupled_files import odd
+from tests.formats.test_export import STRANGE_NAMES
+from tests.formats.test_reading import odd_chain
+from tests.support.beams import satellite
 from tests.support.words import refused
+from validation.random_arms import random_tree
 
 STATES = 20
 
@@ -57,27 +52,31 @@ def engine(name: str, *more: object) -> object:
 every = pytest.mark.parametrize("name", [engine(name) for name in ENGINES if name != "native"])
 
 
-def shortened(scene: Scene, duration: float, **run: object) -> Scene:
+def shortened(scene: fl.Scene, duration: float, **run: object) -> fl.Scene:
     """The scene with a short duration."""
     return scene.varied({"run.duration": duration} | {f"run.{name}": value for name, value in run.items()})
 
 
+def driven(**drive: object) -> fl.Scene:
+    return make_scene(flexible("arm"), drive=fl.Drive(**drive))
+
+
 def of_a_tolerance(path: Path) -> dict[str, object]:
     """Step settings for a scene that specifies none; otherwise no settings."""
-    return {} if steps_explicitly(load_scene(path).run) else {"method": "RK4", "step": 5e-5, "sample": 0.01}
+    return {} if steps_explicitly(fl.load_scene(path).run) else {"method": "RK4", "step": 5e-5, "sample": 0.01}
 
 
-def of(name: str, scene: Scene) -> Scene:
+def of(name: str, scene: fl.Scene) -> fl.Scene:
     """The scene with a method that the engine supports."""
     return scene.varied({"run.method": METHOD.get(name, scene.run.method)})
 
 
-def rounding_bound(scene: Scene) -> float:
+def rounding_bound(scene: fl.Scene) -> float:
     """Bound for differences of q [rad]: t²/2 times the rounding error of q̈, estimated at every tenth sample."""
-    chain = lump(scene)
+    chain = fl.lump(scene)
     t, q, qd = load("native", chain).integrate(scene)
     qdd = np.gradient(qd, t, axis=0)
-    tau = np.array([M @ a for M, a in zip((mass_matrix(chain, row) for row in q), qdd, strict=True)])  # an upper limit
+    tau = np.einsum("tij,tj->ti", fl.mass_matrix(chain, q), qdd)  # an upper limit
     rows = range(0, len(t), 10)
     explained = max(
         rounding.of_acceleration(chain, q[k], qd[k], qdd[k], tau[k], tip_wrench=scene.tip_wrench) for k in rows
@@ -85,51 +84,81 @@ def rounding_bound(scene: Scene) -> float:
     return t[-1] ** 2 / 2 * explained
 
 
+def gimbals() -> fl.Chain:
+    """Massless bodies with offsets and rotations before a flexible link."""
+    massless = [
+        fl.Link(
+            name=f"gimbal {k}", length=0.1 * k, mount=fl.Mount(xyz=(0.1, -0.2, 0.3), rpy_deg=(30.0 * k, 40.0, -50.0))
+        )
+        for k in range(3)
+    ]
+    return fl.lump(make_scene(*massless, flexible("arm", "xyz", mount=fl.Mount(rpy_deg=(0.0, 60.0, 10.0)))))
+
+
+CHAINS: dict[str, Callable[[], fl.Chain]] = {
+    **{path.stem: partial(lambda path: fl.lump(fl.load_scene(path)), path) for path in MODELS}, "gimbals": gimbals,
+    "every number set": lambda: odd_chain(np.random.default_rng(1)),
+    "odd names": lambda: fl.lump(make_scene(*(flexible(name, "yz", 2) for name in STRANGE_NAMES))),
+    "cells": lambda: odd(fl.lump(cells("xyz", "lobatto2", 5))), "satellite": lambda: fl.lump(satellite()),
+    **{f"tree {seed}": partial(lambda seed: fl.lump(random_tree(seed)), seed) for seed in range(4)},
+}  # fmt: skip
+"""Chains of all kinds, for comparisons of all terms and numbers with an engine that reads their file."""
+
+
 @every
-@pytest.mark.parametrize("quantity", QUANTITIES)
-def test_every_term_agrees_with_the_engine_within_rounding(name: str, quantity: str, chain: Chain) -> None:
+@pytest.mark.parametrize("which", CHAINS)
+def test_every_term_agrees_with_the_engine_within_rounding(name: str, which: str) -> None:
+    chain = CHAINS[which]()
     native, other = load("native", chain), load(name, chain)
-    term = QUANTITIES[quantity]
-    for state in mixed_states(chain, STATES):
+    for state, (quantity, term) in itertools.product(mixed_states(chain, STATES), QUANTITIES.items()):
         expected, got = (term.evaluate(engine, state) for engine in (native, other))
-        assert term.error(chain, state, got, expected).max() <= 1
+        assert term.error(chain, state, got, expected).max() <= 1, quantity
         if quantity == "M":
             assert_array_equal(got, got.T)
 
 
+EXACT = ("stiffness", "rest", "damping", "coulomb", "coulomb_width", "armature", "gravity")
+"""Numbers that an engine stores as the file states them."""
+
+
 @every
-def test_engines_agree_on_massless_bodies_with_offsets_and_rotations(name: str, rng: np.random.Generator) -> None:
-    massless = [
-        Link(name=f"gimbal {k}", length=0.1 * k, mount=Mount(xyz=(0.1, -0.2, 0.3), rpy_deg=(30.0 * k, 40.0, -50.0)))
-        for k in range(3)
-    ]
-    chain = lump(make_scene(*massless, flexible("arm", "xyz", mount=Mount(rpy_deg=(0.0, 60.0, 10.0)))))
-    native, other = load("native", chain), load(name, chain)
-    for _ in range(STATES):
-        q, qd = random_state(chain, rng)
-        assert np.abs(other.mass_matrix(q) - native.mass_matrix(q)).max() <= rounding.of_mass_matrix(chain, q)
-        allowed = rounding.of_bias_torque(chain, q, qd)
-        assert np.abs(other.bias_torque(q, qd) - native.bias_torque(q, qd)).max() <= allowed
+@pytest.mark.parametrize("which", CHAINS)
+def test_the_arm_read_by_an_engine_equals_ours(name: str, which: str) -> None:
+    chain = CHAINS[which]()
+    ours, theirs = of_chain(chain), load(name, chain).read_back()
+    assert theirs.names == ours.names
+    same = partial(assert_allclose, rtol=1e-13, atol=1e-13) if ENGINES[name].isolated else assert_array_equal
+    for field in ("parents", "slides", *(field for field in EXACT if field not in theirs.unspecified)):
+        same(getattr(theirs, field), getattr(ours, field), err_msg=field)
+    turns = [k for k in range(chain.n) if not ours.slides[: k + 1].all()]  # bodies that only slide may differ
+    assert theirs.inertias[turns] == pytest.approx(ours.inertias[turns], rel=1e-13, abs=1e-13)
+    for field in ("axes", "points", "masses", "centers", "tip"):
+        assert getattr(theirs, field) == pytest.approx(getattr(ours, field), rel=1e-13, abs=1e-13), field
 
 
 NOT_FOLLOWED = {("drake", "computed_torque"), ("exudyn", "computed_torque")}
 """Sampled drives, which the integrators of these engines cannot follow: the run is refused by name."""
 SHORT = {
-    **{path.stem: shortened(load_scene(path), 0.03, **of_a_tolerance(path)) for path in MODELS},
+    **{path.stem: shortened(fl.load_scene(path), 0.03, **of_a_tolerance(path)) for path in MODELS},
     "nasty": shortened(nasty_scene(), 0.02, step=2e-5, sample=1e-3),
-    "wrench": shortened(make_scene(flexible("arm", "xyz"), wrench=Wrench((5, -3, 2), (1, 2, -3))), 0.02, step=2e-5),
+    "wrench": shortened(make_scene(flexible("arm", "xyz"), wrench=fl.Wrench((5, -3, 2), (1, 2, -3))), 0.02, step=2e-5),
     "table": shortened(
-        make_scene(flexible("arm"), drive=Drive(kind="table", times=(0.0, 0.05, 0.1), torques=((0,), (9,), (-9,)))), 0.1
+        driven(kind="table", times=(0.0, 0.05, 0.1), torques=((0,), (9,), (-9,))), 0.1
     ),
-    "pd": shortened(
-        make_scene(flexible("arm"), drive=Drive(kind="pd", kp=(50,), kd=(5,), target_deg=(30,))), 0.1
-    ),
+    "pd": shortened(driven(kind="pd", kp=(50,), kd=(5,), target_deg=(30,)), 0.1),
     "coulomb": shortened(
         make_scene(
-            flexible("arm", joint=Joint(coulomb=3.0, viscous=0.1)),
-            initial=InitialState(joint_deg=(0.0,), rate_deg=(9.0,))
+            flexible("arm", joint=fl.Joint(coulomb=3.0, viscous=0.1)),
+            initial=fl.InitialState(joint_deg=(0.0,), rate_deg=(9.0,)),
         ),
         0.1,
+    ),
+    "cells": cells("xyz", "lobatto2", 3, run=fl.RunSettings(step=5e-6, sample=1e-4, duration=2e-3)).varied(
+        {"initial.rate_deg": (100.0, 300.0)}
+    ),
+    "satellite": satellite().varied({"run.duration": 0.01}),
+    "satellite on the ground": satellite().varied(
+        {"run.duration": 0.01, "base": fl.Base(), "initial.base": BaseState()}
     ),
 }  # fmt: skip
 
@@ -138,7 +167,7 @@ SHORT = {
 @pytest.mark.parametrize("case", SHORT)
 def test_short_trajectories_differ_by_rounding_only(name: str, case: str) -> None:
     scene = of(name, SHORT[case])
-    chain = lump(scene)
+    chain = fl.lump(scene)
     other = load(name, chain)
     if (name, case) in NOT_FOLLOWED:
         with refused(ArgumentError, "engine-does-not-support") as caught:
@@ -163,8 +192,8 @@ def test_short_trajectories_differ_by_rounding_only(name: str, case: str) -> Non
     ],
 )
 def test_other_methods_give_the_same_motion(name: str, method: str, step: float) -> None:
-    scene = shortened(load_scene(ROOT / "models" / "paper_fig5.toml"), 0.02, method=method, step=step)
-    (_, q, _), (_, other, _) = (load(each, lump(scene)).integrate(scene) for each in ("native", name))
+    scene = shortened(fl.load_scene(ROOT / "models" / "paper_fig5.toml"), 0.02, method=method, step=step)
+    (_, q, _), (_, other, _) = (load(each, fl.lump(scene)).integrate(scene) for each in ("native", name))
     assert_allclose(other, q, rtol=0, atol=rounding_bound(scene))
 
 
@@ -175,28 +204,28 @@ def test_other_methods_give_the_same_motion(name: str, method: str, step: float)
 def test_the_refusal_of_a_method_lists_the_methods_of_the_engine(name: str, methods: tuple[str, ...]) -> None:
     scene = shortened(make_scene(flexible("arm")), 0.01, method="RK10")
     with refused(ArgumentError, "engine-method") as caught:
-        load(name, lump(scene)).integrate(scene)
+        load(name, fl.lump(scene)).integrate(scene)
     assert re.findall(r"'(RK\d|DOPRI\d)'", str(caught.value)) == [*methods]
 
 
 @every
 def test_a_step_above_the_largest_stable_one_is_refused(name: str) -> None:
-    scene = of(name, shortened(load_scene(ROOT / "models" / "paper_fig5.toml"), 0.5, step=1e-3, sample=1e-3))
-    chain, method = lump(scene), scene.run.method
-    stable_step(chain, initial_state(scene, chain)[0], method=method)
-    with refused(FlexlinkError, "unstable-step"):
+    scene = of(name, shortened(fl.load_scene(ROOT / "models" / "paper_fig5.toml"), 0.5, step=1e-3, sample=1e-3))
+    chain, method = fl.lump(scene), scene.run.method
+    fl.stable_step(chain, fl.initial_state(scene, chain)[0], method=method)
+    with refused(fl.FlexlinkError, "unstable-step"):
         load(name, chain).integrate(scene)
 
 
 STEPS = 40
 
 
-def torn(late: float, samples: int = STEPS) -> Scene:
+def torn(late: float, samples: int = STEPS) -> fl.Scene:
     """An arm whose drive makes the run diverge within the last `late` of 40 steps."""
     h = 1e-4
     end = STEPS * h
-    drive = Drive(kind="table", times=(0.0, end - late * h, end), torques=((0.0,), (0.0,), (1e303,)))
-    return shortened(make_scene(flexible("arm"), drive=drive), end, step=h, sample=end / samples)
+    scene = driven(kind="table", times=(0.0, end - late * h, end), torques=((0.0,), (0.0,), (1e303,)))
+    return shortened(scene, end, step=h, sample=end / samples)
 
 
 @every
@@ -204,7 +233,7 @@ def test_a_run_that_diverges_is_an_error_that_keeps_its_samples_and_writes_no_fi
     monkeypatch.chdir(tmp_path)
     scene = of(name, torn(late=20))
     with refused(DivergenceError, "diverged") as caught:
-        load(name, lump(scene)).integrate(scene)
+        load(name, fl.lump(scene)).integrate(scene)
     kept = caught.value.trajectory
     assert 20 <= len(kept.t) < 40 and np.isfinite(kept.q).all() and np.isfinite(kept.qd).all()
     assert list(tmp_path.iterdir()) == []
@@ -215,28 +244,28 @@ def test_a_run_that_diverges_is_an_error_that_keeps_its_samples_and_writes_no_fi
 def test_a_state_that_diverges_in_the_last_step_is_not_a_sample(name: str, samples: int) -> None:
     scene = of(name, torn(late=1, samples=samples))
     with refused(DivergenceError, "diverged") as caught:
-        load(name, lump(scene)).integrate(scene)
+        load(name, fl.lump(scene)).integrate(scene)
     kept = caught.value.trajectory
     assert len(kept.t) == samples and np.isfinite(kept.q).all() and np.isfinite(kept.qd).all()
 
 
-def moved(*links: Link) -> Scene:
+def moved(*links: fl.Link) -> fl.Scene:
     """An arm whose first joint follows a prescribed motion from 0° to 60° in 0.1 s, and then rests."""
-    motion = PrescribedMotion(
+    motion = fl.PrescribedMotion(
         link="upper", times=(0.0, 0.1), angle_deg=(0.0, 60.0), rate_deg=(0.0, 0.0), acceleration_deg=(0.0, 0.0)
     )
-    return shortened(make_scene(*links, motion=(motion,), wrench=Wrench((5, -3, 2), (1, 2, -3))), 0.15, step=5e-5)
+    return shortened(make_scene(*links, motion=(motion,), wrench=fl.Wrench((5, -3, 2), (1, 2, -3))), 0.15, step=5e-5)
 
 
-ELBOW = Mount(rpy_deg=(40.0, 0.0, 0.0))
+ELBOW = fl.Mount(rpy_deg=(40.0, 0.0, 0.0))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("flex", "method"), [("z", "RK4"), ("xyz", "RK10")])
 def test_pinocchio_moves_a_prescribed_joint_like_flexlink(flex: str, method: str) -> None:
-    scene = moved(flexible("upper", flex, 3, mount=ELBOW), flexible("fore", "z", 3, joint=Joint(viscous=0.5)))
+    scene = moved(flexible("upper", flex, 3, mount=ELBOW), flexible("fore", "z", 3, joint=fl.Joint(viscous=0.5)))
     scene = shortened(scene, 0.15, method=method, step=1e-4)
-    (t, q, qd), (_, q2, qd2) = (load(name, lump(scene)).integrate(scene) for name in ("native", "pinocchio"))
+    (t, q, qd), (_, q2, qd2) = (load(name, fl.lump(scene)).integrate(scene) for name in ("native", "pinocchio"))
     assert np.degrees(q2[t >= 0.1, 0]) == pytest.approx(60.0, abs=1e-12)
     assert_array_equal(q2[:, 0], q[:, 0])
     assert_array_equal(qd2[:, 0], qd[:, 0])
@@ -245,7 +274,7 @@ def test_pinocchio_moves_a_prescribed_joint_like_flexlink(flex: str, method: str
 
 
 def test_pinocchio_keeps_a_prescribed_joint_at_a_constant_rate() -> None:
-    chain = lump(moved(flexible("upper", "xyz", 3, mount=ELBOW), flexible("fore")))
+    chain = fl.lump(moved(flexible("upper", "xyz", 3, mount=ELBOW), flexible("fore")))
     native, other = load("native", chain), load("pinocchio", chain)
     for q, qd, tau, wrench in mixed_states(chain, 5):
         solutions = (
@@ -263,8 +292,8 @@ def test_pinocchio_keeps_a_prescribed_joint_at_a_constant_rate() -> None:
 def test_engines_without_prescribed_joints_refuse_scenes_with_them(name: str, title: str) -> None:
     scene = moved(flexible("upper"))
     with refused(ArgumentError, "engine-does-not-support"):
-        load(name, lump(scene))
-    free = lump(scene.varied({"motion": ()}))
+        load(name, fl.lump(scene))
+    free = fl.lump(scene.varied({"motion": ()}))
     with refused(ArgumentError, "engine-does-not-support"):
         load(name, free).integrate(scene)
 
@@ -275,7 +304,7 @@ def test_a_run_in_mujoco_restores_the_callbacks_of_the_user() -> None:
 
     scene = SHORT["coulomb"]
     torn_apart = torn(late=20)
-    engine = load("mujoco", lump(scene))
+    engine = load("mujoco", fl.lump(scene))
     mujoco.set_mjcb_passive(mine)
     try:
         engine.integrate(scene)
@@ -291,7 +320,7 @@ def test_a_run_in_mujoco_restores_the_callbacks_of_the_user() -> None:
 @every
 def test_evaluations_between_two_runs_do_not_affect_an_engine(name: str) -> None:
     scene = of(name, SHORT["wrench"])
-    engine = load(name, lump(scene))
+    engine = load(name, fl.lump(scene))
     zero = np.zeros(engine.n)
     before, first = engine.forward_dynamics(zero, zero, zero), engine.integrate(scene)
     assert_array_equal(engine.forward_dynamics(zero, zero, zero), before)
@@ -301,7 +330,7 @@ def test_evaluations_between_two_runs_do_not_affect_an_engine(name: str) -> None
 
 def test_an_unknown_engine_is_refused_with_a_list_of_known_engines() -> None:
     with refused(ArgumentError, "unknown-name"):
-        load("bullet", lump(make_scene(flexible("arm"))))
+        load("bullet", fl.lump(make_scene(flexible("arm"))))
 
 
 @pytest.mark.parametrize("name", [name for name, adapter in ENGINES.items() if adapter.extra])
@@ -312,19 +341,19 @@ def test_the_error_of_a_missing_engine_names_what_to_install(name: str, monkeypa
     monkeypatch.setitem(sys.modules, package, None)
     monkeypatch.delitem(sys.modules, f"flexlink.engines.{name}", raising=False)
     with refused(MissingDependencyError, "package-missing"):
-        load_here(name, lump(make_scene(flexible("arm"))))
+        load_here(name, fl.lump(make_scene(flexible("arm"))))
 
 
 @pytest.mark.parametrize("settings", [{"run.method": "Gauss4"}, {"run.tolerance": 1e-4}])
 def test_engines_accept_only_fixed_steps_of_explicit_methods(settings: dict[str, object]) -> None:
-    scene = load_scene(ROOT / "models" / "paper_fig5.toml").varied({"run.duration": 0.01} | settings)
+    scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied({"run.duration": 0.01} | settings)
     for name in ("pinocchio", "mujoco"):
         with refused(ArgumentError, "engine-method"):
-            load(name, lump(scene)).integrate(scene)
+            load(name, fl.lump(scene)).integrate(scene)
 
 
 def test_pinocchio_refuses_a_chain_whose_data_would_fill_the_memory() -> None:
-    chain = lump(make_scene(flexible("boom", "z", 700)))
+    chain = fl.lump(make_scene(flexible("boom", "z", 700)))
     with refused(ArgumentError, "too-many-joints"):
         load("pinocchio", chain)
 
@@ -345,7 +374,6 @@ def test_engines_with_their_own_stepping_support_only_smooth_pd_references() -> 
 
 def test_a_mujoco_servo_control_is_divided_by_its_gear_ratio() -> None:
     """A servo, kp (u − r q) r, moves its joint to q = u / r, so `gear` is 1/r; for a motor it is the gear ratio r."""
-    mujoco = pytest.importorskip("mujoco")
     from flexlink.engines import mujoco_reader  # noqa: PLC0415
 
     body = '<body><joint name="{0}"/><geom type="box" size=".1 .1 .1"/></body>'
@@ -356,3 +384,16 @@ def test_a_mujoco_servo_control_is_divided_by_its_gear_ratio() -> None:
     fields = mujoco_reader.at_joints(model)
     np.testing.assert_allclose(fields["gear"], [1 / 4, 7.0], rtol=1e-12)
     np.testing.assert_allclose(fields["servo_stiffness"], [16 * 30.0, 0.0], rtol=1e-12)
+
+
+@pytest.mark.parametrize("which", CHAINS)
+def test_a_record_is_converted_back_to_its_chain(which: str) -> None:
+    chain = CHAINS[which]()
+    again = to_chain(of_chain(chain), chain)
+    for field in ("stiffness", "damping"):
+        assert (again.matrix(field) == chain.matrix(field)).all()
+    for q, qd, _, wrench in mixed_states(chain, 4):
+        M, bias = fl.mass_matrix(chain, q), fl.bias_torque(chain, q, qd, tip_wrench=wrench)
+        assert fl.mass_matrix(again, q) == pytest.approx(M, abs=1e-13 * np.abs(M).max())
+        found = fl.bias_torque(again, q, qd, tip_wrench=wrench)
+        assert found == pytest.approx(bias, abs=1e-11 * np.abs(bias).max())

@@ -293,15 +293,3 @@ def test_the_process_of_an_engine_outlives_the_timeout_of_its_last_call(monkeypa
     with pytest.raises(child_process.subprocess.TimeoutExpired):
         engine._child.process.wait(6.0)
     np.testing.assert_array_equal(engine.mass_matrix(q), before)
-
-
-@pytest.mark.slow
-def test_an_idle_process_serves_only_one_engine(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(child_process, "_idle", {})
-    chains = fl.lump(SHORT), fl.lump(make_scene(flexible("arm", segments=9)))
-    waiting = IsolatedEngine("native", chains[0])._child
-    assert child_process._idle == {("native", os.getpid()): waiting}
-    engines = [IsolatedEngine("native", chain) for chain in chains]
-    assert engines[0]._child is waiting
-    for engine, chain in zip(engines, chains, strict=True):
-        np.testing.assert_array_equal(engine.mass_matrix(np.zeros(chain.n)), fl.mass_matrix(chain, np.zeros(chain.n)))

@@ -1,68 +1,24 @@
 """Trees, prismatic joints and free bases: files represent all of them, and other engines that load them agree."""
 
-import importlib.util
 import re
-from xml.etree import ElementTree as ET
 
 import mujoco
 import numpy as np
 import pytest
 
 import flexlink as fl
-from flexlink.diagnosis.quantities import QUANTITIES, mixed_states
 from flexlink.dynamics.placement import frames
 from flexlink.engines import load
-from flexlink.engines.read_back import of_chain
 from flexlink.formats import FORMATS
-from flexlink.formats.document import loaded_tip
 from flexlink.formats.mjcf import depth_first
 from flexlink.formats.small_mass import with_small_mass
-from tests.conftest import ROOT
+from tests.engines.test_engines import engine
 from tests.formats.test_reading import EVERY, assert_same
+from tests.support.beams import satellite
 from tests.support.words import refused
 from validation.random_arms import random_tree
 
 EPS = np.finfo(float).eps
-SEEDS = range(4)
-
-
-def witness(name: str, package: str = "") -> object:
-    missing = importlib.util.find_spec(package or name) is None
-    return pytest.param(name, marks=pytest.mark.skipif(missing, reason=f"not run: {name} is not installed"))
-
-
-WITNESSES = [witness("pinocchio"), witness("mujoco"), witness("exudyn"), witness("drake", "pydrake")]
-
-
-def satellite() -> fl.Scene:
-    """A free base with an initial rotation, a flexible panel, and a prismatic boom that carries two hands."""
-    bar = {"material": "al", "section": "s"}
-    links = (
-        fl.Link(name="panel", mount=fl.Mount(xyz=(0.5, 0.0, 0.0)), length=2.0, flex="z", segments=3, **bar),
-        fl.Link(
-            name="boom", on="base", mount=fl.Mount(xyz=(-0.5, 0.0, 0.0), rpy_deg=(0.0, 20.0, 180.0)), length=1.0,
-            joint=fl.Joint(kind="prismatic", axis=(1.0, 0.0, 0.0), limits_m=(-1.0, 1.0), armature=2.0,
-                           gear_stiffness=5e4, viscous=3.0), flex="xyz", segments=3, **bar,
-        ),
-        fl.Link(name="left", on="boom", length=0.3, hub=fl.RigidBody(mass=1.0, inertia=(0.01, 0.02, 0.025))),
-        fl.Link(name="right", on="boom", length=0.2, joint=fl.Joint(axis=(0.0, 1.0, 0.0)),
-                hub=fl.RigidBody(mass=2.0, inertia=(0.03, 0.02, 0.025))),
-    )  # fmt: skip
-    arm = fl.Arm(
-        links=links, materials={"al": fl.Material(young=70e9, density=2700.0)},
-        sections={"s": fl.Section(shape="circle", diameter=0.03)},
-        base=fl.Base(kind="free", mass=100.0, center=(0.1, 0.0, -0.1), inertia=(10.0, 12.0, 15.0)),
-    )  # fmt: skip
-    return fl.Scene(
-        name="satellite", arm=arm, gravity=(0.0, 0.0, -1.6),
-        initial=fl.InitialState(
-            joint_deg=(0.0,) * 4, rate_deg=(5.0, 0.0, -20.0, 10.0), joint_m=(0.0, 0.2, 0.0, 0.0),
-            base=fl.details.BaseState(xyz=(1.0, 2.0, 3.0), rpy_deg=(20.0, -50.0, 130.0), velocity=(0.1, -0.2, 0.3),
-                              spin_deg=(5.0, -3.0, 8.0)),
-        ),
-        wrench=fl.Wrench(force=(1.0, 2.0, -3.0), moment=(0.5, 0.1, -0.2), on="left"),
-        run=fl.RunSettings(method="RK4", step=1e-4, duration=0.05, sample=0.01),
-    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -87,22 +43,6 @@ def test_small_masses_are_added_between_joints_of_a_tree_but_not_to_its_base(for
     assert filled.mass - chain.mass == pytest.approx(5e-6, rel=1e-6)  # the boom's motor, and x and y of its two hinges
     q = np.linspace(-0.5, 0.5, chain.n)
     assert fl.mass_matrix(filled, q) == pytest.approx(fl.mass_matrix(chain, q), abs=1e-4)
-
-
-def test_files_represent_sliding_joints_free_bases_and_branches(chain: fl.Chain) -> None:
-    robot = ET.fromstring(fl.to_urdf(chain))
-    kinds = {joint.attrib["name"]: joint.attrib["type"] for joint in robot.findall("joint")}
-    assert kinds["boom"] == kinds["boom.gear"] == "prismatic"
-    assert kinds["panel.1.z"] == "revolute"
-    assert not [joint for joint in robot.findall("joint") if joint.find("child").attrib["link"] == "base_link"]
-    (base,) = (link for link in robot.findall("link") if link.attrib["name"] == "base_link")
-    assert float(base.find("inertial/mass").attrib["value"]) == 100.0
-    model = mujoco.MjModel.from_xml_string(fl.to_mjcf(chain))
-    assert model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE
-    assert (model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE).sum() == 2  # motor and boom
-    assert {"panel", "left", "tip"} <= {model.body(k).name for k in range(model.nbody)}
-    model = ET.fromstring(fl.to_sdf(chain)).find("world/model")
-    assert len(model.findall("link")) == len(model.findall("joint")) + 1
 
 
 def test_a_keyframe_places_the_base_by_a_quaternion_and_joints_branch_by_branch(chain: fl.Chain) -> None:
@@ -146,46 +86,6 @@ def test_an_invalid_base_or_tip_is_refused_in_one_line(format, pattern, wrong, c
         format.read(text)
 
 
-@pytest.mark.parametrize("name", WITNESSES)
-@pytest.mark.parametrize("quantity", QUANTITIES)
-def test_every_term_agrees_up_to_rounding(name: str, quantity: str, chain: fl.Chain) -> None:
-    native, other, term = load("native", chain), load(name, chain), QUANTITIES[quantity]
-    for state in mixed_states(chain, 8):
-        expected, got = (term.evaluate(engine, state) for engine in (native, other))
-        assert term.error(chain, state, got, expected).max() <= 1
-        if quantity == "M":
-            assert np.array_equal(got, got.T)
-
-
-@pytest.mark.parametrize("name", WITNESSES)
-@pytest.mark.parametrize("scene", ["dual_arm", "gantry", "satellite", ""])
-def test_the_arm_read_by_an_engine_equals_ours(name: str, scene: str) -> None:
-    chain = fl.lump(fl.load_scene(ROOT / "models" / f"{scene}.toml") if scene else satellite())
-    ours, theirs = of_chain(chain), load(name, chain).read_back()
-    assert theirs.names == ours.names
-    assert theirs.parents.tolist() == ours.parents.tolist()
-    assert theirs.slides.tolist() == ours.slides.tolist()
-    turns = [k for k in range(chain.n) if not ours.slides[: k + 1].all()]  # bodies that only slide may differ
-    assert theirs.inertias[turns] == pytest.approx(ours.inertias[turns], rel=1e-13, abs=1e-13)
-    for field in ("axes", "points", "masses", "centers", "stiffness", "damping", "armature", "gravity"):
-        assert getattr(theirs, field) == pytest.approx(getattr(ours, field), rel=1e-13, abs=1e-13), field
-    assert theirs.tip == pytest.approx(ours.tip, abs=1e-13)
-
-
-@pytest.mark.parametrize("name", WITNESSES)
-def test_engines_agree_on_random_trees(name: str) -> None:
-    """M agrees to 1e-13, and T_GC with a wrench at any tip agrees to 1e-12."""
-    for seed in SEEDS:
-        chain, random = fl.lump(random_tree(seed)), np.random.default_rng(seed)
-        q, qd, wrench = random.uniform(-1, 1, chain.n), random.uniform(-1, 1, chain.n), random.normal(size=6)
-        engine = load(name, chain)
-        for got, expected, tolerance in (
-            (engine.mass_matrix(q), fl.mass_matrix(chain, q), 1e-13),
-            (engine.bias_torque(q, qd, tip_wrench=wrench), fl.bias_torque(chain, q, qd, tip_wrench=wrench), 1e-12),
-        ):
-            assert np.abs(got - expected).max() <= tolerance * np.abs(expected).max(), seed
-
-
 def test_nearly_aligned_inertia_axes_are_permuted_for_mujoco() -> None:
     """MuJoCo drops rotations and offsets below 1e-6, although their effect on M exceeds rounding by far."""
     for inertia, center in {((0.1, 0.2, 0.25, 0, 0, 1e-8), (0, 0, 0)), ((0.1, 0.2, 0.25), (5e-7, 0, 0))}:
@@ -197,42 +97,19 @@ def test_nearly_aligned_inertia_axes_are_permuted_for_mujoco() -> None:
         assert load("mujoco", chain).mass_matrix(q) == pytest.approx(M, abs=4 * EPS * M.max())
 
 
-def test_the_wrench_acts_at_the_tip_that_the_scene_names(chain: fl.Chain) -> None:
-    assert loaded_tip(chain).name == "left"
-    last = fl.lump(satellite().varied({"wrench.on": ""}))
-    q, wrench = np.full(chain.n, 0.2), np.array([1.0, 2.0, -3.0, 0.5, 0.1, -0.2])
-    for one in (chain, last):
-        expected = fl.bias_torque(one, q, 0 * q, tip_wrench=wrench)
-        for name in ("pinocchio", "mujoco"):
-            assert load(name, one).bias_torque(q, 0 * q, tip_wrench=wrench) == pytest.approx(expected, abs=1e-10)
-
-
-@pytest.mark.parametrize("name", WITNESSES)
-@pytest.mark.parametrize("floats", [True, False], ids=["free base", "on the ground"])
-def test_runs_in_the_same_steps_differ_by_rounding_only(name: str, floats: bool) -> None:
-    ground = {} if floats else {"base": fl.Base(), "initial.base": fl.details.BaseState()}
-    scene = satellite().varied({"run.duration": 0.01} | ground)
-    if name == "drake" and not floats:
-        scene = scene.varied({"run.method": "RK3"})
-    chain = fl.lump(scene)
-    (_, q, qd), (_, others, rates) = (load(each, chain).integrate(scene) for each in ("native", name))
-    assert np.abs(others - q).max() <= 1e-13
-    assert np.abs(rates - qd).max() <= 1e-11
-
-
-@pytest.mark.parametrize("name", WITNESSES[:3])
+@pytest.mark.parametrize("name", [engine("pinocchio"), engine("mujoco"), engine("exudyn")])
 def test_a_base_that_rotates_far_changes_coordinates_or_is_refused(name: str) -> None:
     scene = satellite().varied({"initial.base.spin_deg": (900.0, -700.0, 300.0), "run.duration": 0.1})
     chain = fl.lump(scene)
-    engine = load(name, chain)
+    other = load(name, chain)
     if name == "exudyn":
         with refused(fl.errors.ArgumentError, "base-turned-too-far") as caught:
-            engine.integrate(scene)
+            other.integrate(scene)
         assert re.search(r" 69° .* t = 0\.0\d s", str(caught.value))
         return
-    (_, q, qd), (_, others, rates) = (each.integrate(scene) for each in (load("native", chain), engine))
+    (_, q, qd), (_, others, rates) = (each.integrate(scene) for each in (load("native", chain), other))
     assert np.abs(q[-1, 3:6]).max() > 1.0
     assert np.abs(others - q).max() <= 1e-12
     assert np.abs(rates - qd).max() <= 1e-10
-    M = engine.mass_matrix(q[0])  # back in the initial coordinates
+    M = other.mass_matrix(q[0])  # back in the initial coordinates
     assert pytest.approx(fl.mass_matrix(chain, q[0]), abs=1e-13 * np.abs(M).max()) == M

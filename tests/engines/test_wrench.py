@@ -59,9 +59,6 @@ def specified(wrench: dict[str, Any], t: float) -> np.ndarray:
     return np.array([np.interp(t, TIMES, column) for column in rows.T])
 
 
-# --- in a run --------------------------------------------------------------------------------------------------------
-
-
 @each_room
 @pytest.mark.parametrize("name", [name for name in WRENCHES if "smooth" not in name])
 def test_the_wrench_of_a_run_equals_that_of_its_scene_in_the_tip_frame(name: str, room: str) -> None:
@@ -82,17 +79,6 @@ def test_a_smooth_wrench_table_is_interpolated_like_a_drive_table() -> None:
     # rounding of a tridiagonal system of condition 3 and of a cubic's four terms
     np.testing.assert_allclose(run.tip_wrench[:, 0], run.tau[:, 0], rtol=0, atol=1e-13)
 
-
-def test_several_states_need_an_equal_number_of_wrenches() -> None:
-    chain = fl.lump(arm(IN_TIME["constant"]))
-    still = np.zeros((3, chain.n))
-    with refused(fl.errors.ArgumentError, "wrong-shape"):
-        fl.forward_dynamics(chain, still, still, still, tip_wrench=np.ones((2, 6)))
-    with refused(fl.errors.ArgumentError, "not-finite"):
-        fl.bias_torque(chain, still, still, tip_wrench=[[0] * 6, [0, 0, 0, 0, 0, np.nan], [0] * 6])
-
-
-# --- closed forms -----------------------------------------------------------------------------------------------------
 
 ROD = {"length": 0.5, "joint": fl.Joint(armature=0.1)}  # J = 0.1 kg m²; the rod is massless
 
@@ -140,26 +126,6 @@ def test_a_cantilever_under_a_follower_force_follows_the_elastica(end: float) ->
     assert np.log2(errors[20] / errors[40]) == pytest.approx(2.0, abs=0.1)
 
 
-# --- energy balance and order of convergence --------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("frame", ["world", "tip"])
-@pytest.mark.parametrize(("method", "order", "steps"), [("RK2", 2, 1), ("RK4", 4, 1), ("Radau5", 5, 10)])
-def test_a_smooth_table_keeps_the_order_of_the_method(method: str, order: int, steps: int, frame: str) -> None:
-    """The order is met within 0.5, because the third derivative of the cubic pieces jumps inside a few steps."""
-    times = tuple(np.linspace(0.0, 0.05, 6))
-    turning = 2 * np.pi * np.array(times)[:, None] / 0.05 + np.arange(3)
-    table = fl.Wrench(times=times, forces=tuple(map(tuple, 30 * np.sin(turning))), smooth=True, frame=frame)
-    scene = arm(IN_TIME["constant"], "plane", **{"link.*.joint.coulomb": 0.0}).varied({"wrench": table})
-    best = fl.simulate(scene, method="RK10", step=1.25e-5).q[-1]
-    errors = [np.abs(fl.simulate(scene, method=method, step=steps * h).q[-1] - best).max() for h in (1e-4, 5e-5)]
-    assert np.log2(errors[0] / errors[1]) >= order - 0.5
-
-
-# --- one wrench, many ways to run -------------------------------------------------------------------------------------
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "module", "method"), [("drake", "pydrake", "RK3"), ("exudyn", "exudyn", "RK4")])
 @each_wrench
@@ -176,9 +142,6 @@ def test_drake_and_exudyn_apply_the_wrench_or_refuse_it(name: str, module: str, 
         assert [part for part in ("wrench.hold", name, "native, pinocchio") if part not in text] == []
         return
     assert np.abs(engine.integrate(scene)[1] - fl.simulate(scene).q).max() <= 1e-11
-
-
-# --- stability --------------------------------------------------------------------------------------------------------
 
 
 @each_room
@@ -204,9 +167,6 @@ def test_a_linear_model_includes_the_rotation_of_its_wrench(room: str) -> None:
     size = np.abs(slopes).max()
     assert np.abs(model.A[n:, :n] - slopes).max() <= 1e-7 * size
     assert np.abs(dead.A[n:, :n] - slopes).max() > 1e-5 * size
-
-
-# --- bad input --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

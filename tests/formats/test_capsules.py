@@ -5,6 +5,7 @@ import math
 from xml.etree import ElementTree
 from xml.etree import ElementTree as ET
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -19,7 +20,6 @@ WRITERS = [fl.to_urdf, fl.to_mjcf, fl.to_sdf]
 
 
 def test_shapes_and_motors_do_not_change_the_motion_in_mujoco_by_one_bit(chain, rng) -> None:
-    mujoco = pytest.importorskip("mujoco")
     q, qd = random_state(chain, rng)
     bare = parse(fl.to_mjcf(chain, shapes=False), "bare")
     for element in bare.findall("actuator"):
@@ -36,7 +36,6 @@ def test_shapes_and_motors_do_not_change_the_motion_in_mujoco_by_one_bit(chain, 
 
 
 def test_mujoco_starts_at_the_keyframe_and_drives_the_driven_joints(rng: np.random.Generator) -> None:
-    mujoco = pytest.importorskip("mujoco")
     chain = fl.lump(nasty_scene())
     q, qd = random_state(chain, rng)
     model = mujoco.MjModel.from_xml_string(fl.to_mjcf(chain, initial=(q, qd)))
@@ -51,7 +50,6 @@ def test_mujoco_starts_at_the_keyframe_and_drives_the_driven_joints(rng: np.rand
 
 
 def test_shapes_lie_on_the_segments_without_mass_or_contact(rng: np.random.Generator) -> None:
-    mujoco = pytest.importorskip("mujoco")
     chain = fl.lump(nasty_scene())
     model = mujoco.MjModel.from_xml_string(fl.to_mjcf(chain))
     assert not model.geom_contype.any()
@@ -131,7 +129,6 @@ def test_an_invalid_keyframe_is_refused_by_name() -> None:
 
 def test_a_segment_as_short_as_rounding_error_gets_no_shape() -> None:
     """The segment is 1e-17 m long, shorter than MuJoCo accepts for a shape."""
-    mujoco = pytest.importorskip("mujoco")
     chain = fl.lump(random_arm(41))
     mujoco.MjModel.from_xml_string(fl.to_mjcf(chain))
 

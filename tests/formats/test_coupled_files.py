@@ -12,7 +12,6 @@ from flexlink.cli.info import _without_structural_damping
 from flexlink.engines import load
 from flexlink.errors import ArgumentError, DataFileError
 from flexlink.formats import FORMATS
-from flexlink.formats.features import unsupported
 from flexlink.formats.mjcf import diagonal_remainder
 from flexlink.formats.small_mass import with_small_mass
 from tests.chain.test_cells import arm, rule_file
@@ -156,12 +155,6 @@ def test_an_edited_spring_stiffness_in_a_file_changes_the_chain(form: str, path:
     read = FORMATS[form].read(edited(form, planted.scaled(path, "stiffness", 0.5), chain))
     assert read.couplings["stiffness"].tolist() == (chain.couplings["stiffness"] / 2).tolist()
     assert read.hinges.tolist() == chain.hinges.tolist()
-
-
-def test_urdf_and_sdf_store_coupled_springs_in_custom_elements_and_mjcf_in_tendons() -> None:
-    scene = arm()
-    missing = {name: "springs between hinges" in unsupported(scene, fl.lump(scene), format=name) for name in FORMATS}
-    assert missing == {"urdf": True, "mjcf": False, "sdf": True}
 
 
 def test_a_chain_without_structural_damping_has_no_coupled_dampers() -> None:

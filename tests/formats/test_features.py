@@ -148,13 +148,3 @@ def test_the_command_line_prints_the_effect_of_a_small_mass(tmp_path, capsys) ->
     assert main(["export", scene, "--small-mass", "-1", "--out", str(tmp_path)]) == 2
     text = refused_line(capsys.readouterr().err, "out-of-range")
     assert "--small-mass = -1.0: " in text
-
-
-ROD = make_scene(fl.Link(name="rod", length=1.0), tip=fl.RigidBody(mass=1.0, inertia=(1, 1, 1)))
-
-
-def test_formats_without_states_cannot_store_the_initial_state() -> None:
-    scene = ROD.varied({"initial.joint_deg.rod": 10.0})
-    urdf, sdf = (unsupported(scene, fl.lump(scene), format=format)["initial state"] for format in ("urdf", "sdf"))
-    assert urdf == sdf
-    reviewed("slips: initial state in a file", urdf)

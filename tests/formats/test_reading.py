@@ -13,7 +13,6 @@ from flexlink.common.safe_xml import parse
 from flexlink.formats import FORMATS
 from tests.conftest import flexible, make_scene, nasty_scene
 from tests.support.words import refused
-from validation.random_arms import random_arm
 
 READ = {name: format for name, format in FORMATS.items() if format.read is not None}
 EVERY = pytest.mark.parametrize("format", READ.values(), ids=READ)
@@ -54,14 +53,6 @@ def same(one: fl.Chain, other: fl.Chain) -> bool:
 def test_every_file_reads_back_to_the_same_chain(format, chain: fl.Chain) -> None:
     assert_same(format.read(format.write(chain)), chain)
     assert_same(format.read(format.write(chain, shapes=False).encode()), chain)
-
-
-@pytest.mark.slow
-@EVERY
-def test_random_arms_of_every_kind_read_back_to_the_same_chain(format) -> None:
-    for seed in range(20):
-        chain = fl.lump(random_arm(seed))
-        assert_same(format.read(format.write(chain)), chain)
 
 
 @EVERY

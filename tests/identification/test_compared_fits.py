@@ -15,6 +15,7 @@ from flexlink.cli.main import main
 from flexlink.identification.compared_fits import FitComparison
 from flexlink.identification.fitted import FittedColumn
 from tests.identification.test_fit_first_look import strip
+from tests.support.fits import problem, write_csv
 from tests.support.words import refused, reviewed
 
 Array = NDArray[np.float64]
@@ -41,15 +42,11 @@ def runs(true: fl.Scene, rng: np.random.Generator, masses: tuple[float, ...] = (
     return tuple(found)
 
 
-def problem(scene: fl.Scene, data: Any, *paths: str) -> fl.fits.FitProblem:
-    return fl.fits.FitProblem(scene=scene, parameter=tuple(fl.fits.FitParameter(path=p) for p in paths), run=data)
-
-
 class TestChoice:
     @pytest.mark.slow
     def test_a_root_spring_is_found_and_runs_left_out_agree(self) -> None:
         data = runs(soft().varied({MASS: 0.43}), np.random.default_rng(5), (0.0, 0.2, 0.4))
-        both = [problem(clamped(), data, MASS), problem(soft(), data, MASS, SOFT)]
+        both = [problem(clamped(), (MASS,), *data), problem(soft(), (MASS, SOFT), *data)]
         found = fl.fits.compare_fits(both, ["clamped", "soft"], by_folds=True, grid="ignore")
         assert found.preferred == "soft"
         assert found.bic[0] - found.bic[1] > 10
@@ -121,21 +118,20 @@ class TestNumbers:
 class TestRefusals:
     def test_fits_of_different_data_are_refused_by_name(self) -> None:
         rng = np.random.default_rng(6)
-        one, other = (problem(clamped(), runs(clamped(), rng, (0.0,)), MASS) for _ in range(2))
-        with refused(fl.errors.ArgumentError, "data-differ"):
-            fl.fits.compare_fits([one, other], grid="ignore")
-        with refused(fl.errors.ArgumentError, "too-few-fits"):
-            fl.fits.compare_fits([one])
-        with refused(fl.errors.ArgumentError, "one-per-fit"):
-            fl.fits.compare_fits([one, other], ["a"])
+        one, other = (problem(clamped(), (MASS,), *runs(clamped(), rng, (0.0,))) for _ in range(2))
+        for id, arguments in (
+            ("data-differ", ([one, other],)), ("too-few-fits", ([one],)), ("one-per-fit", ([one, other], ["a"])),
+        ):  # fmt: skip
+            with refused(fl.errors.ArgumentError, id):
+                fl.fits.compare_fits(*arguments, grid="ignore")
         with refused(fl.errors.ArgumentError, "too-few-runs"):
             fl.fits.folds(one)
 
     def test_a_model_that_is_not_identifiable_is_named(self) -> None:
         data = runs(clamped(), np.random.default_rng(7), (0.0,))
-        weak = problem(clamped(), data, YOUNG, "section.strip.width", "material.steel.density", MASS)
+        weak = problem(clamped(), (YOUNG, "section.strip.width", "material.steel.density", MASS), *data)
         with pytest.raises(fl.errors.IdentifiabilityError) as caught:
-            fl.fits.compare_fits([problem(clamped(), data, MASS), weak], ["good", "weak"], grid="ignore")
+            fl.fits.compare_fits([problem(clamped(), (MASS,), *data), weak], ["good", "weak"], grid="ignore")
         assert str(caught.value).startswith("weak: ")
 
 
@@ -147,9 +143,7 @@ class TestCommand:
         folder = tmp_path_factory.mktemp("compared")
         data = runs(soft().varied({MASS: 0.43}), np.random.default_rng(8))
         for run in data:
-            table = np.column_stack(list(run.columns.values()))
-            path = folder / f"{run.name}.csv"
-            np.savetxt(path, table, delimiter=",", header=",".join(run.columns), comments="")
+            write_csv(folder / f"{run.name}.csv", run.columns)
         for name, scene, more in (("clamped", clamped(), ()), ("soft", soft(), (SOFT,))):
             scene.save(folder / f"{name}_arm.toml")
             text = f'scene = "{name}_arm.toml"\n' + "".join(f'[[parameter]]\npath = "{p}"\n' for p in (MASS, *more))

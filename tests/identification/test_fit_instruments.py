@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 import flexlink as fl
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.identification.fitted import Fitted
+from tests.support.fits import boom, problem
 
 pytestmark = pytest.mark.slow
 YOUNG, MASS = "material.steel.young", "tip.mass"
@@ -22,25 +23,13 @@ SENSORS = (
 )
 
 
-def boom(**true: float) -> fl.Scene:
-    """A strip that a PD controller turns by 8°."""
-    strip = fl.Link(name="boom", length=1.0, flex="z", segments=5, material="steel", section="strip",
-                    joint=fl.Joint(armature=0.05))  # fmt: skip
-    arm = fl.Arm(links=(strip,), materials={"steel": fl.Material(young=2.1e11, density=7850.0, loss_time=2e-4)},
-                 sections={"strip": fl.Section(shape="rectangle", height=0.004, width=0.03)},
-                 tip=fl.RigidBody(mass=0.5))  # fmt: skip
-    drive = fl.Drive(kind="pd", kp=(40.0,), kd=(4.0,), target_deg=(8.0,))
-    run = fl.RunSettings(duration=1.0, sample=0.005)
-    return fl.Scene(name="boom", arm=arm, gravity=(0.0, 0.0, 0.0), drive=drive, run=run, sensor=SENSORS).varied(true)
-
-
 @functools.cache
 def exact() -> fl.Trajectory:
     long = {"run.relative_tolerance": 1e-8, "run.duration": 1.5, "run.sample": 0.001}
-    return fl.simulate(boom(**TRUE).varied(long))
+    return fl.simulate(boom(sensor=SENSORS, **TRUE, **long))
 
 
-def problem(**faults: Any) -> fl.fits.FitProblem:
+def measured(**faults: Any) -> fl.fits.FitProblem:
     """Data with 1 % noise; `faults` by kind: delay of the gyro, clock, start, bias, gain, drift, spikes, and keys."""
     t, rng, run = np.arange(201) * 0.005, np.random.default_rng(5), exact()
     at = (t - faults.pop("start_s", 0.0)) / (1 + faults.pop("clock_error", 0.0))
@@ -60,9 +49,7 @@ def problem(**faults: Any) -> fl.fits.FitProblem:
     if faults.pop("swapped", False):
         columns[GYRO], columns[MOTOR] = columns[MOTOR], columns[GYRO]
     data = {name: tuple(column.tolist()) for name, column in columns.items()}
-    sought = tuple(fl.fits.FitParameter(path=path) for path in TRUE)
-    run_ = fl.fits.FitRun(name="step", columns=data, **faults)
-    return fl.fits.FitProblem(scene=boom(), parameter=sought, run=(run_,), **keys)
+    return problem(boom(sensor=SENSORS), TRUE, fl.fits.FitRun(name="step", columns=data, **faults), **keys)
 
 
 def ids(found: Fitted) -> list[str]:
@@ -77,7 +64,7 @@ def inside(found: Fitted) -> bool:
 @functools.cache
 def fitted(**faults: Any) -> Fitted:
     """The fit, computed once for each set of faults."""
-    return fl.fit(problem(**faults), grid="ignore")
+    return fl.fit(measured(**faults), grid="ignore")
 
 
 class TestScoreTests:
@@ -107,7 +94,7 @@ class TestScoreTests:
         assert abs(estimate.value - size) < 2 * estimate.half
 
     def test_a_reversed_column_is_named_before_the_fit(self) -> None:
-        notes = fl.fits.check_fit(problem(gyro_gain=-1.0)).notes
+        notes = fl.fits.check_fit(measured(gyro_gain=-1.0)).notes
         assert [one.id for one in notes if one.id.startswith("likely-")] == ["likely-sign"]
 
     def test_outliers_are_named_and_trimming_recovers_the_interval_of_clean_data(self) -> None:
@@ -128,7 +115,7 @@ class TestScoreTests:
 class TestOrigin:
     def test_a_record_with_another_origin_of_time_is_refused_before_it_is_simulated(self) -> None:
         with pytest.raises(DataFileError) as refused:
-            fl.fits.check_fit(problem(origin=36_000.0))
+            fl.fits.check_fit(measured(origin=36_000.0))
         assert refused.value.id == "record-starts-late"
 
     @pytest.mark.parametrize("start", ["first sample", 36_000.0])
@@ -136,24 +123,16 @@ class TestOrigin:
         shifted, plain = fitted(origin=36_000.0, start=start), fitted()
         assert shifted[YOUNG].value == pytest.approx(plain[YOUNG].value, rel=1e-6)
 
-    def test_a_record_that_starts_a_little_late_is_noted(self) -> None:
-        notes = fl.fits.check_fit(problem(origin=0.5)).notes
-        assert "record-starts-late" in [one.id for one in notes]
-
-    def test_samples_before_the_start_of_the_scene_are_counted(self) -> None:
-        notes = fl.fits.check_fit(problem(origin=-0.1)).notes
-        assert "samples-before-start" in [one.id for one in notes]
+    @pytest.mark.parametrize(("origin", "id"), [(0.5, "record-starts-late"), (-0.1, "samples-before-start")])
+    def test_a_record_that_starts_a_little_late_or_early_is_noted(self, origin: float, id: str) -> None:
+        assert id in [one.id for one in fl.fits.check_fit(measured(origin=origin)).notes]
 
 
 def test_swapped_columns_are_named_before_the_fit() -> None:
-    run = fl.simulate(boom(**TRUE).varied({"initial.joint_deg": [30.0], "drive.target_deg": [38.0]}))
+    elsewhere = {"initial.joint_deg": [30.0], "drive.target_deg": [38.0]}
+    run = fl.simulate(boom(**TRUE, **elsewhere))
     columns = {"t [s]": run.t, "tip x [m]": run.tip[:, 1], TIP: run.tip[:, 0]}
-    swing = fl.fits.FitRun(
-        name="step", columns={name: tuple(column.tolist()) for name, column in columns.items()},
-        set={"initial.joint_deg": [30.0], "drive.target_deg": [38.0]},
-    )  # fmt: skip
-    sought = tuple(fl.fits.FitParameter(path=path) for path in TRUE)
-    notes = fl.fits.check_fit(fl.fits.FitProblem(scene=boom(), parameter=sought, run=(swing,))).notes
+    notes = fl.fits.check_fit(problem(boom(), TRUE, fl.fits.FitRun(name="step", columns=columns, set=elsewhere))).notes
     assert "likely-swapped" in [one.id for one in notes]
 
 

@@ -32,6 +32,7 @@ from flexlink.identification.signals import Signals
 from flexlink.identification.timing import as_long, doubts_of_times, in_periods
 from flexlink.motion.slopes_of_runs import CENTRAL, CENTRAL_4, FORWARD, Places, mirrored, weights
 from tests.conftest import ROOT
+from tests.support.fits import problem
 from tests.support.words import reviewed
 
 Array = np.ndarray
@@ -105,14 +106,8 @@ def film(y: Array, noise: float, *, stated: bool = False, **how: Any) -> "Film":
     return Film(how.pop("name", "film"), how.pop("use", "fit"), SCENE, (block,), 100.0)
 
 
-def problem_of(*paths: str) -> fl.fits.FitProblem:
-    tapped = fl.fits.FitModes(hertz=(1.0,), deviation=(1.0,))  # required; the toy model ignores it
-    return fl.fits.FitProblem(
-        scene=SCENE, parameter=tuple(fl.fits.FitParameter(path=p) for p in paths), modes=(tapped,)
-    )
-
-
-PROBLEM = problem_of(MASS, YOUNG)
+TAPPED = fl.fits.FitModes(hertz=(1.0,), deviation=(1.0,))  # required; the toy model ignores it
+PROBLEM = problem(SCENE, (MASS, YOUNG), modes=(TAPPED,))
 
 
 @pytest.fixture
@@ -141,9 +136,9 @@ class TestCoverage:
     @pytest.mark.parametrize("a", [(1.0,), (1.0, -1.6, 0.9)], ids=["white", "resonant"])
     def test_ninety_five_percent_of_the_intervals_contain_the_true_value(self, fit_of, a) -> None:
         """For 400 intervals with p = 0.95 the standard error is √(p (1 − p) / 400) = 1.1 %; the limits are ± 2.8 σ."""
-        rng, n, draws, problem = np.random.default_rng(6), 60, 100, problem_of(*PATHS)
+        rng, n, draws, every = np.random.default_rng(6), 60, 100, problem(SCENE, PATHS, modes=(TAPPED,))
         Φ = rng.standard_normal((n, 4))
-        found = [fit_of(Φ, film(clean(Φ) + 0.1 * noise(rng, n, a), 0.05), problem=problem) for _ in range(draws)]
+        found = [fit_of(Φ, film(clean(Φ) + 0.1 * noise(rng, n, a), 0.05), problem=every) for _ in range(draws)]
         inside = [one.low < TRUE[one.path] < one.high for fitted in found for one in fitted.numbers]
         assert len(inside) == 4 * draws
         assert 0.92 <= np.mean(inside) <= 0.98
@@ -314,7 +309,9 @@ class TestSearch:
     def test_a_parameter_with_zero_derivative_at_the_solution_has_no_interval(self, fit_of: Any) -> None:
         """The data are (ln m − 1)², whose derivative is zero at the solution."""
         Φ, flat = np.ones((40, 1)), film(np.zeros(40), 0.01, stated=True)
-        fitted = fit_of(Φ, flat, problem=problem_of(MASS), law=lambda by, Φ: Φ[:, 0] * (by[MASS] - 1.0) ** 2)
+        fitted = fit_of(
+            Φ, flat, problem=problem(SCENE, (MASS,), modes=(TAPPED,)), law=lambda by, Φ: Φ[:, 0] * (by[MASS] - 1.0) ** 2
+        )
         mass = fitted[MASS]
         assert (mass.low, mass.high, mass.deviation) == (-math.inf, math.inf, math.inf)
         assert not fitted.identifiable
@@ -426,9 +423,7 @@ class TestSingle:
     def test_a_measured_change_of_sag_is_due_to_the_change_of_load(self) -> None:
         still = SCENE.varied({"gravity": (0.0, -9.81, 0.0), "link.bar.segments": 9})
         hung = fl.fits.FitStatic(axis="y", value=-1e-3, deviation=1e-5, set={"tip.mass": 0.5}, before={"tip.mass": 0.2})
-        one = sagged(
-            fl.fits.FitProblem(scene=still, parameter=(fl.fits.FitParameter(path=YOUNG),), static=(hung,)), hung, 1
-        )
+        one = sagged(problem(still, (YOUNG,), static=(hung,)), hung, 1)
         assert one.at_rest is not None
         ((change,),) = one.at_rest(one.scene)
         assert change == pytest.approx(-0.3 * 9.81 * 1.0**3 / (3 * E * 0.01**4 / 12), rel=0.02)

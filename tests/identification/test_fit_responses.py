@@ -13,6 +13,7 @@ from scipy.signal import freqz, lfilter
 import flexlink as fl
 from flexlink.identification.frequency_response import measured_response, predicted
 from tests.identification.test_fit_first_look import strip
+from tests.support.fits import problem, write_csv
 from tests.support.words import refused
 
 Array = NDArray[np.float64]
@@ -144,16 +145,12 @@ def part(columns: dict[str, Array], **more: Any) -> fl.fits.FitFrf:
     return fl.fits.FitFrf(columns={head: tuple(column.tolist()) for head, column in columns.items()}, **how)
 
 
-def problem(scene: fl.Scene, *parts: fl.fits.FitFrf) -> fl.fits.FitProblem:
-    return fl.fits.FitProblem(scene=scene, parameter=tuple(fl.fits.FitParameter(path=p) for p in PATHS), frf=parts)
-
-
 class TestFit:
     @pytest.mark.parametrize(("young", "loss"), [(150e9, 2e-3), (270e9, 5e-5)])
     @pytest.mark.slow
     def test_a_beam_is_identified_although_the_peaks_do_not_overlap(self, young: float, loss: float) -> None:
         start = arm(**{PATHS[0]: young, PATHS[1]: loss, "tip.mass": 0.35})
-        found = fl.fit(problem(start, part(measured(np.random.default_rng(1)))))
+        found = fl.fit(problem(start, PATHS, frf=(part(measured(np.random.default_rng(1))),)))
         assert found.passed
         for path, true in zip(PATHS, (YOUNG, LOSS, TIP), strict=True):
             one = found[path]
@@ -165,7 +162,7 @@ class TestFit:
     def test_the_interval_is_that_of_the_scatter(self) -> None:
         rng, z = np.random.default_rng(2), list[float]()
         for _ in range(12):
-            found = fl.fit(problem(arm(), part(measured(rng))), grid="ignore")
+            found = fl.fit(problem(arm(), PATHS, frf=(part(measured(rng)),)), grid="ignore")
             z += [(found[path].value - true) / found[path].deviation
                   for path, true in zip(PATHS, (YOUNG, LOSS, TIP), strict=True)]  # fmt: skip
         assert 0.7 < float(np.sqrt(np.mean(np.square(z)))) < 1.4
@@ -173,8 +170,7 @@ class TestFit:
     def test_a_file_in_decibels_is_read_and_shown_on_the_pages(self, tmp_path: Path) -> None:
         columns = measured(np.random.default_rng(3))
         columns["magnitude [dB]"] = 20 * np.log10(columns.pop("magnitude [mm/N]"))
-        table = np.column_stack(list(columns.values()))
-        np.savetxt(tmp_path / "tap.csv", table, delimiter=",", header=",".join(columns), comments="")
+        write_csv(tmp_path / "tap.csv", columns)
         arm().save(tmp_path / "arm.toml")
         (tmp_path / "problem.toml").write_text(
             f'scene = "arm.toml"\n[[parameter]]\npath = "tip.mass"\nstart = 0.35\n[[frf]]\ninput = "{FORCE}"\n'

@@ -10,6 +10,7 @@ import flexlink as fl
 from flexlink.common.types import Array
 from flexlink.data.smoothing import best_cutoff, noise_of, smoothed
 from flexlink.identification.fitted import Fitted
+from tests.support.fits import boom, problem, write_csv
 
 pytestmark = pytest.mark.slow
 YOUNG = "material.steel.young"
@@ -26,34 +27,23 @@ def swing() -> tuple[Array, Array, Array]:
     return q, qd, qdd
 
 
-def boom() -> fl.Scene:
-    strip = fl.Link(name="boom", length=1.0, flex="z", segments=3, material="steel", section="strip")
-    arm = fl.Arm(links=(strip,), materials={"steel": fl.Material(young=2.1e11, density=7850.0, loss_time=2e-4)},
-                 sections={"strip": fl.Section(shape="rectangle", height=0.004, width=0.03)})  # fmt: skip
-    rows = dict(zip(("angle_deg", "rate_deg", "acceleration_deg"), (tuple(part.tolist()) for part in swing()),
-                    strict=True))  # fmt: skip
-    motion = fl.PrescribedMotion(link="boom", times=tuple(T.tolist()), **rows)  # type: ignore[arg-type]
-    run = fl.RunSettings(duration=1.2, sample=0.005)
-    return fl.Scene(name="boom", arm=arm, gravity=(0.0, 0.0, 0.0), motion=(motion,), run=run)
+def led() -> fl.Scene:
+    """The strip, whose joint follows the swing."""
+    angle, rate, acceleration = swing()
+    motion = fl.PrescribedMotion(link="boom", times=T, angle_deg=angle, rate_deg=rate, acceleration_deg=acceleration)
+    return boom(3, **{"drive": None, "motion": (motion,), "tip.mass": 0.0, "run.duration": 1.2})
 
 
 def fitted(folder: Path, cutoff: float | str, noise: float) -> Fitted:
     """Fit E to the tip's position, with 0.1 mm noise, given the recorded angle with `noise` [deg]."""
-    scene, rng = boom(), np.random.default_rng(3)
+    scene, rng = led(), np.random.default_rng(3)
     run = fl.simulate(scene.varied({YOUNG: TRUE, "run.relative_tolerance": 1e-8}))
     seen = run.tip[:, 1] + 1e-4 * rng.standard_normal(len(T))
-    recorded = np.column_stack([T, swing()[0] + noise * rng.standard_normal(len(T))])
     file = folder / "angle.csv"
-    np.savetxt(file, recorded, delimiter=",", header="t [s],q boom [deg]", comments="")
+    write_csv(file, {"t [s]": T, "q boom [deg]": swing()[0] + noise * rng.standard_normal(len(T))})
     given = {"motion": [{"link": "boom", "file": str(file), "cutoff": cutoff}]}
-    columns = {"t [s]": tuple(T.tolist()), "tip y [m]": tuple(seen.tolist())}
-    sought = fl.fits.FitParameter(path=YOUNG)
-    return fl.fit(
-        fl.fits.FitProblem(
-            scene=scene, parameter=(sought,), run=(fl.fits.FitRun(name="turn", columns=columns, set=given),)
-        ),
-        grid="ignore",
-    )
+    turn = fl.fits.FitRun(name="turn", columns={"t [s]": T, "tip y [m]": seen}, set=given)
+    return fl.fit(problem(scene, (YOUNG,), turn), grid="ignore")
 
 
 @pytest.mark.parametrize(("cutoff", "noise"), [(3.0, 0.0), (6.0, 0.0), (40.0, 0.01), (80.0, 0.03), ("auto", 0.01)])

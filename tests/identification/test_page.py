@@ -27,6 +27,7 @@ from flexlink.pages.tables import Table
 from tests.conftest import ROOT
 from tests.identification.test_fit_first_look import strip
 from tests.identification.test_fit_numbers import FILM, MASS, PROBLEM, SCENE, YOUNG, film
+from tests.support.fits import write_csv
 from tests.support.words import reviewed
 
 Array = np.ndarray
@@ -35,14 +36,8 @@ Array = np.ndarray
 def column(source: str, use: str, measured: Array, before: Array, after: Array, **more: Any) -> FittedColumn:
     t = more.pop("t", 0.01 * np.arange(len(measured)))
     usual = {
-        "linear": None,
-        "gain": 1.0,
-        "bias": 0.0,
-        "noise": 0.1,
-        "stated": True,
-        "times_noise": 1.0,
-        "whiteness": 0.5,
-    }
+        "linear": None, "gain": 1.0, "bias": 0.0, "noise": 0.1, "stated": True, "times_noise": 1.0, "whiteness": 0.5,
+    }  # fmt: skip
     return FittedColumn(source, FILM, use, t, measured, before, after, **(usual | more))  # type: ignore[arg-type]
 
 
@@ -82,10 +77,8 @@ class TestPage:
         ],
     )
     def test_an_estimate_is_printed_with_two_digits_of_its_interval_or_both_ends(self, value, low, high, text) -> None:
-        assert (
-            page._with_interval(Estimate(MASS, MASS, 1.0, value, low, high, 0.1, unit="kg")).replace("\xa0", " ")
-            == text
-        )
+        one = Estimate(MASS, MASS, 1.0, value, low, high, 0.1, unit="kg")
+        assert page._with_interval(one).replace("\xa0", " ") == text
 
     def test_differences_are_rms_values_and_fractions_of_the_signal(self) -> None:
         far, near = self.Y + 0.2, self.Y * 0.9
@@ -354,8 +347,7 @@ class TestCheckPage:
         kept = (run.t < 2.9) | (run.t > 3.101)
         z[100:1300:100] += 0.02
         t = run.t + np.where(np.arange(len(run.t)) == 1300, 5e-4, 0.0)
-        data = np.column_stack([t, 1e3 * z])[kept]
-        np.savetxt(folder / "film.csv", data, delimiter=",", header="t [s],tip z [mm]", comments="")
+        write_csv(folder / "film.csv", {"t [s]": t[kept], "tip z [mm]": 1e3 * z[kept]})
         scene.save(folder / "arm.toml")
         (folder / "problem.toml").write_text(
             'scene = "arm.toml"\n[[parameter]]\npath = "tip.mass"\n[[run]]\nname = "film"\nfile = "film.csv"\n'

@@ -15,26 +15,11 @@ from flexlink.describe.writing import without_defaults
 from flexlink.fits import Experiments, FitParameter, FitProblem, FitRun, Proposals, propose
 from flexlink.identification.experiments import PriorExperiment, built_in
 from tests.conftest import ROOT
-from tests.support.experiments_made import Laboratory, followed, recorded, sagged, tapped, together
+from tests.support.experiments_made import followed, recorded, sagged, tapped, together
+from tests.support.fits import CLAMPED, problem, write_csv
 from tests.support.words import refused, reviewed
 
-STRIP = fl.Scene(
-    name="strip",
-    gravity=(0.0, 0.0, 0.0),
-    arm=fl.Arm(
-        materials={"steel": fl.Material(young=2.1e11, density=7850.0, loss_time=1e-4)},
-        sections={"strip": fl.Section(shape="rectangle", height=0.001, width=0.03)},
-        links=(
-            fl.Link(
-                name="l", length=0.4, flex="z", segments=5, material="steel", section="strip",
-                joint=fl.Joint(locked=True), root_stiffness={"z": 20.0},
-            ),
-        ),
-        tip=fl.RigidBody(mass=0.05),
-    ),
-    run=fl.RunSettings(duration=0.2, sample=0.005),
-)  # fmt: skip
-BARE = STRIP.varied({"tip.mass": 0.0, "link.l.root_stiffness": None})
+BARE = CLAMPED.varied({"tip.mass": 0.0, "link.l.root_stiffness": None})
 ROD = fl.Scene(
     name="rod",
     gravity=(0.0, 0.0, 0.0),
@@ -46,35 +31,26 @@ ROD = fl.Scene(
 SERVO = ROD.varied({"drive": fl.Drive(kind="pd", kp=(20.0,), kd=(1.0,), target_deg=(40.0,))})
 E, RHO, H, B = "material.steel.young", "material.steel.density", "section.strip.height", "section.strip.width"
 M, ARMATURE, ROOT_SPRING, KD = "tip.mass", "link.l.joint.armature", "link.l.root_stiffness.z", "drive.kd.l"
-VISCOUS, Q, TAU = "link.l.joint.viscous", {"q l [rad]": 1e-4}, {"tau l [N m]": 0.02}
+VISCOUS, Q = "link.l.joint.viscous", {"q l [rad]": 1e-4}
 SET_UPS = {
-    "E / ρ": (BARE, (E, RHO), tapped(2), together(tapped(2), sagged(0.1))),
-    "E b": (STRIP, (E, B), sagged(0.1), together(sagged(0.1), tapped(3))),
-    "E-ρ-h, which needs two": (BARE, (E, RHO, H), tapped(2), None),
-    "payload / armature": (
-        ROD, (M, ARMATURE), recorded(Q), together(recorded(Q), recorded(Q, "down", gravity=(0.0, -9.81, 0.0)))
-    ),
-    "kd / viscous": (SERVO, (KD, VISCOUS), recorded(Q), recorded(Q | TAU)),
-    "root spring / E": (STRIP, (ROOT_SPRING, E), sagged(0.1), together(sagged(0.1), tapped(3))),
-    "payload / E": (STRIP, (M, E), tapped(1), together(tapped(1), tapped(1, **{"link.l.end.mass": 0.02}))),
+    "E / ρ": (BARE, (E, RHO), tapped(2)), "E b": (CLAMPED, (E, B), sagged(0.1)),
+    "E-ρ-h, which needs two": (BARE, (E, RHO, H), tapped(2)), "payload / armature": (ROD, (M, ARMATURE), recorded(Q)),
+    "kd / viscous": (SERVO, (KD, VISCOUS), recorded(Q)), "root spring / E": (CLAMPED, (ROOT_SPRING, E), sagged(0.1)),
+    "payload / E": (CLAMPED, (M, E), tapped(1)),
 }  # fmt: skip
-
-
-def problem_of(scene: fl.Scene, paths: tuple[str, ...], measure: Laboratory, rng: np.random.Generator) -> FitProblem:
-    return FitProblem(scene=scene, parameter=tuple(FitParameter(path=p) for p in paths), **measure(scene, rng))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SET_UPS)
 def test_following_the_first_proposal_makes_confounded_parameters_identifiable(name: str, rng) -> None:
-    scene, paths, poor, _ = SET_UPS[name]
+    scene, paths, poor = SET_UPS[name]
     truth = scene.varied({p: scene.values_at(p)[0] * (1.03 if k % 2 else 0.98) for k, p in enumerate(paths)})
-    problem = FitProblem(scene=scene, parameter=tuple(FitParameter(path=p) for p in paths), **poor(truth, rng))
-    found = propose(problem)
-    assert not found.check.passed and not fl.fits.check_fit(problem).passed
+    start = problem(scene, paths, **poor(truth, rng))
+    found = propose(start)
+    assert not found.check.passed and not fl.fits.check_fit(start).passed
     assert found.first is not None and found.first.lost == 0
     assert (len(found.first.candidates) > 1) == ("two" in name)
-    after = followed(problem, found.first.additions, truth, rng)
+    after = followed(start, found.first.additions, truth, rng)
     assert fl.fits.check_fit(after).passed
     fit = fl.fit(after, grid="ignore")
     for path in paths:
@@ -82,17 +58,10 @@ def test_following_the_first_proposal_makes_confounded_parameters_identifiable(n
         assert abs(fit[path].value - true) < 4 * fit[path].deviation + 1e-9 * true
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name, set_up in SET_UPS.items() if set_up[3]])
-def test_rich_data_pass_the_check(name: str, rng: np.random.Generator) -> None:
-    scene, paths, _, rich = SET_UPS[name]
-    assert fl.fits.check_fit(problem_of(scene, paths, rich, rng)).passed
-
-
 @pytest.fixture(scope="module")
 def found() -> Proposals:
     """Proposals for E and ρ of a bare strip from two frequencies, known to 0.2 %."""
-    return propose(problem_of(BARE, (E, RHO), tapped(2), np.random.default_rng(0)))
+    return propose(problem(BARE, (E, RHO), **tapped(2)(BARE, np.random.default_rng(0))))
 
 
 @pytest.mark.slow
@@ -133,17 +102,16 @@ def test_the_printed_table_is_part_of_a_problem_file(found: Proposals, tmp_path:
         ((key, (only,)),) = table.items()
         assert only.get("path", addition.path if key == "parameter" else "") == getattr(addition, "path", "")
     BARE.save(tmp_path / "strip.toml")
-    problem = 'scene = "strip.toml"\n' + "".join(f'[[parameter]]\npath = "{path}"\n' for path in (E, RHO))
+    text = 'scene = "strip.toml"\n' + "".join(f'[[parameter]]\npath = "{path}"\n' for path in (E, RHO))
     best = next(one for one in found.ranked if one.candidates[0].experiment == "weight on the tip")
-    (tmp_path / "problem.toml").write_text(f"{problem}{best.toml}", encoding="utf-8")
+    (tmp_path / "problem.toml").write_text(f"{text}{best.toml}", encoding="utf-8")
     (read,), (meant,) = fl.fits.FitProblem.load(tmp_path / "problem.toml").static, best.additions
     assert without_defaults(read) == without_defaults(meant)
 
 
 @pytest.mark.slow
 def test_at_the_solution_of_a_fit_the_present_intervals_are_those_of_the_fit(rng: np.random.Generator) -> None:
-    problem = problem_of(STRIP, (E, M), together(tapped(2), sagged(0.1)), rng)
-    fit = fl.fit(problem)
+    fit = fl.fit(problem(CLAMPED, (E, M), **together(tapped(2), sagged(0.1))(CLAMPED, rng)))
     found = propose(fit)
     assert found.of_fit and dict(found.values)[E] == pytest.approx(fit[E].value, rel=1e-12)
     for change, one in zip(found.ranked[0].changes, fit.numbers, strict=True):
@@ -158,7 +126,7 @@ def test_an_unknown_of_a_run_is_unknown_in_its_repeat() -> None:
         name="swing", columns=recorded(Q)(ROD, np.random.default_rng(0))["run"][0].columns, noise=Q,
         bias=("q l [rad]",), parameter=(FitParameter(path="initial.joint_deg.l"),), set={"gravity": (0.0, -9.8, 0.0)},
     )  # fmt: skip
-    found = propose(FitProblem(scene=ROD, parameter=(FitParameter(path=M),), run=(run,)))
+    found = propose(problem(ROD, (M,), run))
     motion = next(one for one in found.ranked if one.candidates[0].experiment == "recorded twice as long")
     (again,) = motion.additions
     assert again.parameter[0].path == "initial.joint_deg.l" and again.bias == ("q l [rad]",)
@@ -170,15 +138,15 @@ def test_unknown_times_drifts_and_starts_of_a_run_are_unknown_in_its_repeats(rng
     (swing,) = recorded(Q)(SERVO, rng)["run"]
     head = ("q l [rad]",)
     run = replace(swing, delay=head, drift=head, bias=head, clock=True)
-    problem = FitProblem(scene=SERVO, parameter=(FitParameter(path=M),), run=(run,))
-    found = propose(problem)
+    start = problem(SERVO, (M,), run)
+    found = propose(start)
     assert [name for name, _ in found.values] == [M]
     assert [change.name for change in found.ranked[0].changes] == [M]
     motion = next(one for one in found.ranked if one.candidates[0].experiment == "recorded twice as long")
     (again,) = motion.additions
     assert isinstance(again, FitRun)
     assert again.delay == again.drift == again.bias == head and again.clock
-    extended = replace(problem, run=(*problem.run, again))
+    extended = replace(start, run=(*start.run, again))
     expected = dict(zip((check := fl.fits.check_fit(extended)).names, check.expected, strict=True))[M]
     assert motion.changes[0].after == pytest.approx(expected, rel=1e-3)
 
@@ -186,11 +154,10 @@ def test_unknown_times_drifts_and_starts_of_a_run_are_unknown_in_its_repeats(rng
 @pytest.mark.slow
 def test_a_column_that_the_file_already_contains_is_offered_without_a_new_record(tmp_path: Path) -> None:
     run = fl.simulate(SERVO)
-    table = np.column_stack([run.t, run.columns["q l [rad]"], 1e3 * run.columns["tau l [N m]"]])
-    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="t [s],q l [rad],tau l [N mm]", comments="")
+    tau = {"tau l [N mm]": 1e3 * run.columns["tau l [N m]"]}
+    write_csv(tmp_path / "a.csv", {"t [s]": run.t, "q l [rad]": run.columns["q l [rad]"]} | tau)
     swing = FitRun(name="swing", file=str(tmp_path / "a.csv"), compare=tuple(Q), noise=Q)
-    problem = FitProblem(scene=SERVO, parameter=(FitParameter(path=KD), FitParameter(path=VISCOUS)), run=(swing,))
-    first = propose(problem).first
+    first = propose(problem(SERVO, (KD, VISCOUS), swing)).first
     assert first is not None and "already recorded" in first.title and first.lost == 0
     SERVO.save(tmp_path / "servo.toml")
     text = f'scene = "servo.toml"\n[[parameter]]\npath = "{KD}"\n[[parameter]]\npath = "{VISCOUS}"\n'

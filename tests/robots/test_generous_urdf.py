@@ -13,7 +13,7 @@ import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.common.errors import ArgumentError
 from flexlink.robots.importing import ImportResult
-from tests.support.urdf_texts import RandomRobot, link, words
+from tests.support.urdf_texts import RandomRobot, link, saved, words
 from tests.support.words import line, refused, reviewed
 
 ODDITIES = {
@@ -43,8 +43,7 @@ def sprinkled(seed: int, tmp_path: Path) -> tuple[Path, list[str]]:
                 at = int(random.choice(starts))
                 text = text[:at] + new + text[at:]
                 names.append(name)
-    path = tmp_path / f"sprinkled{seed}.urdf"
-    path.write_text(text, encoding="utf-8")
+    path = saved(tmp_path, text, f"sprinkled{seed}")
     return path, names
 
 
@@ -59,8 +58,7 @@ def test_every_element_and_attribute_that_is_left_out_is_named_and_changes_nothi
     found = fl.import_urdf(path)
     mute = [name for name in names if not re.search(rf"[< ]{name}>", told(found))]
     assert set(mute) <= {"provideFeedback", "maxVel", "ode", "geometry", "actuator"}
-    plain = tmp_path / "plain.urdf"
-    plain.write_text(RandomRobot(seed).text(), encoding="utf-8")
+    plain = saved(tmp_path, RandomRobot(seed).text(), "plain")
     assert found.scene == fl.import_urdf(plain).scene
 
 
@@ -89,8 +87,7 @@ def fingers(tmp_path: Path, names: str = "abc") -> Path:
         ends = f'<parent link="{parent}"/><child link="{name}"/><axis xyz="{axis}"/>'
         limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/><dynamics damping="0.2" friction="0.1"/>'
         parts.append(f'<joint name="to_{name}" type="{kind}">{place}{ends}{limit}{rule}</joint>')
-    path = tmp_path / "hand.urdf"
-    path.write_text(f'<robot name="hand">{"".join(parts)}</robot>', encoding="utf-8")
+    path = saved(tmp_path, f'<robot name="hand">{"".join(parts)}</robot>', "hand")
     return path
 
 
@@ -155,8 +152,7 @@ def test_files_that_other_programs_read_are_read_as_well(name: str, tmp_path: Pa
     random, path = RandomRobot(3), tmp_path / "robot.urdf"
     path.write_text(ACCEPTED[name](random.text()), encoding="utf-8")
     found = fl.import_urdf(path)
-    plain = tmp_path / "plain.urdf"
-    plain.write_text(random.text(), encoding="utf-8")
+    plain = saved(tmp_path, random.text(), "plain")
     chain, other, q = fl.lump(found.scene), fl.lump(fl.import_urdf(plain).scene), np.linspace(-1, 1, 15)
     assert (fl.mass_matrix(chain, q) == fl.mass_matrix(other, q)).all()
     if "limits" in name:

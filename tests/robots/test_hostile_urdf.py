@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from flexlink.cli.main import main
+from tests.support.urdf_texts import saved
 from tests.support.words import refused_line
 
 INERTIA = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
@@ -153,10 +154,6 @@ HOSTILE: dict[str, tuple[str | bytes, str, str]] = {
 """Content of a file, the id of its error, and a part of the message: names and values."""
 
 
-def test_there_are_enough_hostile_urdf_files() -> None:
-    assert len(HOSTILE) >= 40
-
-
 @pytest.fixture
 def opened(capsys, tmp_path_factory) -> Iterator[list[str]]:
     """Paths that are opened during a test, after the command and its kernels are loaded."""
@@ -221,8 +218,7 @@ def test_the_good_file_is_imported_and_only_it_is_opened(tmp_path: Path, monkeyp
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["billion laughs", "quadratic", "deep", "many elements", "huge", "10,000 links"])
 def test_a_large_file_takes_little_memory(name: str, tmp_path: Path) -> None:
-    path = tmp_path / "bad.urdf"
-    path.write_text(str(HOSTILE[name][0]), encoding="utf-8")
+    path = saved(tmp_path, str(HOSTILE[name][0]), "bad")
     tracemalloc.start()
     try:
         assert main(["import", str(path)]) == 2
@@ -250,6 +246,5 @@ def test_folders_devices_and_missing_files_are_refused(tmp_path: Path, capsys) -
 @pytest.mark.slow
 def test_the_longest_accepted_robot_needs_no_recursion(tmp_path: Path) -> None:
     """Python allows only 1000 nested calls; the robot has 3000 links."""
-    path = tmp_path / "rope.urdf"
-    path.write_text(rope(3000).replace("continuous", "fixed").replace('"fixed"', '"continuous"', 1), encoding="utf-8")
+    path = saved(tmp_path, rope(3000).replace("continuous", "fixed").replace('"fixed"', '"continuous"', 1), "rope")
     assert main(["import", str(path), "--tip", "l1"]) == 0

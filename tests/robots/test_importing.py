@@ -9,6 +9,7 @@ from typing import Any, cast
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -24,7 +25,7 @@ from flexlink.robots.flexible import FlexibleLink, _prism, bent, cut, largest_ma
 from flexlink.robots.importing import ImportResult, clamped_frequency, import_urdf
 from flexlink.robots.kinematic_tree import Mimic, Robot, positions_of
 from flexlink.robots.robot_file import read_robot
-from tests.support.urdf_texts import RandomRobot
+from tests.support.urdf_texts import RandomRobot, saved
 from tests.support.words import line, refused, reviewed
 from validation.physics.source_urdf import Original
 
@@ -39,13 +40,9 @@ def robot(tmp_path: Path):
         described, path = RandomRobot(seed), tmp_path / f"{seed}.urdf"
         path.write_text(described.text(), encoding="utf-8")
         found = import_urdf(
-            path,
-            base=described.base,
-            tip=described.tip,
-            posture=described.posture,
-            locked=described.locked,
+            path, base=described.base, tip=described.tip, posture=described.posture, locked=described.locked,
             flexible=flexible,
-        )
+        )  # fmt: skip
         return described, path, found
 
     return write
@@ -99,8 +96,6 @@ def test_the_tip_is_at_the_frame_of_its_link(robot) -> None:
     """The tip is compared with Pinocchio's placement of the link's frame."""
     described, path, imported = robot(1)
     chain, q = fl.lump(imported.scene), np.array([0.1, -0.7, 1.3])
-    import pinocchio as pin  # noqa: PLC0415
-
     original = Original(path, list(described.free), {**described.posture, **described.locked}, np.zeros(3))
     pin.framesForwardKinematics(original.model, original.data, original._posture(q))
     tip = original.data.oMf[original.model.getFrameId("p9 link")]
@@ -175,10 +170,7 @@ def test_rounding_errors_of_a_point_mass_are_corrected_and_larger_errors_kept() 
 
 
 def test_limits_of_1e16_mean_no_limits(tmp_path: Path) -> None:
-    path = tmp_path / "robot.urdf"
-    path.write_text(
-        RandomRobot(0).text().replace('lower="-3" upper="3"', 'lower="-1e16" upper="1e16"'), encoding="utf-8"
-    )
+    path = saved(tmp_path, RandomRobot(0).text().replace('lower="-3" upper="3"', 'lower="-1e16" upper="1e16"'))
     imported = import_urdf(path, tip="p8", locked={"j4": 0.0})
     assert {link.joint.limits_deg for link in imported.scene.arm.links} == {None}
 
@@ -216,8 +208,7 @@ def test_the_beam_stiffness_is_tuned_to_the_required_frequency(hertz: float, rob
 @pytest.mark.parametrize("name", ['3" pipe', "l.1", "*", "don't", "a=b", "é"])
 def test_a_link_with_any_name_can_be_tuned(name: str, tmp_path: Path) -> None:
     text = RandomRobot(0).text().replace('"p3"', quoteattr(name))
-    path = tmp_path / "robot.urdf"
-    path.write_text(text, encoding="utf-8")
+    path = saved(tmp_path, text)
     imported = import_urdf(path, tip="p8", locked={"j4": 0.0}, flexible={name: FlexibleLink(frequency_hz=12.0)})
     assert clamped_frequency(imported.scene, name) == pytest.approx(12.0, rel=1e-6)
 
@@ -241,8 +232,7 @@ def test_a_small_limit_on_the_beam_mass_gives_a_warning(robot) -> None:
 
 
 def test_a_joint_that_mimics_a_moving_joint_gives_a_warning(tmp_path: Path) -> None:
-    path = tmp_path / "robot.urdf"
-    path.write_text(RandomRobot(0).text().replace('joint="b2"', 'joint="j3"'), encoding="utf-8")
+    path = saved(tmp_path, RandomRobot(0).text().replace('joint="b2"', 'joint="j3"'))
     (warning,) = import_urdf(path, tip="p8", locked={"j4": 0.0}).warnings
     assert warning.startswith("d2: ") and " j3" in warning
     reviewed("import: mimic joint", warning)
@@ -300,8 +290,7 @@ WRONG = {
 
 @pytest.mark.parametrize("name", WRONG)
 def test_options_that_do_not_fit_the_robot_are_refused_by_name(name: str, tmp_path: Path) -> None:
-    path = tmp_path / "robot.urdf"
-    path.write_text(RandomRobot(0).text(), encoding="utf-8")
+    path = saved(tmp_path, RandomRobot(0).text())
     options, id, parts = WRONG[name]
     with refused(FlexlinkError, id) as caught:
         import_urdf(path, **{"tip": "p8", **options})

@@ -12,7 +12,7 @@ from flexlink.common.errors import DataFileError, SceneError
 from flexlink.dynamics.notes import notes
 from flexlink.formats.sdf import read_sdf
 from flexlink.formats.urdf import read_urdf
-from tests.support.urdf_texts import words
+from tests.support.urdf_texts import saved, words
 from tests.support.words import line, reviewed
 
 ID = "inertia-of-no-body"
@@ -40,8 +40,7 @@ def joint(parent: str, child: str, xyz: object = (0, 0, 0), rpy: object = (0, 0,
 
 
 def written(tmp_path: Path, *parts: str) -> Path:
-    path = tmp_path / "robot.urdf"
-    path.write_text(f'<robot name="robot"><link name="base"/>{"".join(parts)}</robot>', encoding="utf-8")
+    path = saved(tmp_path, f'<robot name="robot"><link name="base"/>{"".join(parts)}</robot>')
     return path
 
 

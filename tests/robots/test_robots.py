@@ -11,12 +11,11 @@ from flexlink.cli.main import main
 from flexlink.common.errors import MissingDependencyError
 from flexlink.robots.collection import PACKAGE, folder, import_known, known_arms
 from tests.conftest import ROOT
-from tests.support.urdf_texts import RandomRobot
+from tests.support.urdf_texts import RandomRobot, saved
 from tests.support.words import refused_line, reviewed
 from validation.case import load_case
 
 SCENES = sorted((ROOT / "models" / "robots").glob("*.toml"))
-BENDING = [path for path in SCENES if path.stem.endswith("_flexible")]
 ARMS = list(known_arms())
 
 
@@ -65,18 +64,6 @@ def test_every_stored_arm_can_move(path: Path) -> None:
     assert np.isfinite(fl.forward_dynamics(chain, q, qd, np.zeros(chain.n))).all()
 
 
-@pytest.mark.parametrize("path", BENDING, ids=[path.stem for path in BENDING])
-def test_a_flexible_arm_with_slack_springs_equals_the_rigid_one(path: Path, rng) -> None:
-    bent, rigid = (fl.lump(fl.load_scene(path.with_stem(stem))) for stem in (path.stem, path.stem[: -len("_flexible")]))
-    q, qd = np.zeros((2, bent.n))
-    q[bent.active], qd[bent.active] = rng.uniform(-3, 3, (2, rigid.n))
-    M, T = fl.mass_matrix(rigid, q[bent.active]), fl.bias_torque(rigid, q[bent.active], qd[bent.active])
-    block = np.ix_(bent.active, bent.active)
-    assert fl.mass_matrix(bent, q)[block] == pytest.approx(M, abs=1e-13 * np.abs(M).max())
-    assert fl.bias_torque(bent, q, qd)[bent.active] == pytest.approx(T, abs=1e-13 * np.abs(T).max())
-    assert len({bent.coordinate(k).link for k in range(bent.n) if bent.coordinate(k).axis}) == 2
-
-
 def test_the_import_command_accepts_degrees_metres_and_beams(tmp_path: Path, capsys) -> None:
     urdf, out = tmp_path / "robot.urdf", tmp_path / "arm.toml"
     urdf.write_text(RandomRobot(0).text(), encoding="utf-8")
@@ -91,14 +78,9 @@ def test_the_import_command_accepts_degrees_metres_and_beams(tmp_path: Path, cap
     assert scene.initial.joint_deg[0] == 90.0
     flexible = {"p3": fl.FlexibleLink(frequency_hz=12.0, line=((0, 0, 0), (0.1, 0.1, 0.2)), segments=7)}
     same = fl.import_urdf(
-        urdf,
-        base="p1",
-        tip="p8",
-        posture={"j3": np.pi / 2},
-        locked={"j4": 0.2, "j7": np.radians(-30.0)},
-        armature={"j5": 0.1},
-        flexible=flexible,
-    )
+        urdf, base="p1", tip="p8", posture={"j3": np.pi / 2}, locked={"j4": 0.2, "j7": np.radians(-30.0)},
+        armature={"j5": 0.1}, flexible=flexible,
+    )  # fmt: skip
     assert scene == same.scene.varied({"run.duration": 2.0})
 
 
@@ -118,8 +100,7 @@ def test_the_import_command_accepts_degrees_metres_and_beams(tmp_path: Path, cap
     ],
 )
 def test_wrong_options_are_refused_in_one_line(words: list[str], id: str, part: str, tmp_path: Path, capsys) -> None:
-    urdf = tmp_path / "robot.urdf"
-    urdf.write_text(RandomRobot(0).text(), encoding="utf-8")
+    urdf = saved(tmp_path, RandomRobot(0).text())
     assert main(["import", str(urdf), "--tip", "p8", "--locked", "j4=0", *words]) == 2
     printed = capsys.readouterr().err
     assert len(printed.splitlines()) == 1

@@ -19,7 +19,7 @@ from flexlink.robots.collection import folder
 from flexlink.robots.importing import ImportResult
 from flexlink.robots.robot_file import read_robot
 from tests.robots.test_robots import installed, with_files
-from tests.support.urdf_texts import RandomRobot, named_tree
+from tests.support.urdf_texts import RandomRobot, named_tree, saved
 from tests.support.words import line, refused, refused_line, reviewed
 from validation.physics.source_urdf import Original
 
@@ -70,8 +70,7 @@ def written(tmp_path: Path, *joints: str, masses: dict[str, float] | None = None
         limit = '<limit lower="-1" upper="2" effort="1" velocity="1"/>' if kind in {"revolute", "prismatic"} else ""
         text += f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
         text += f'<origin xyz="0.1 0 0.2"/>{limit}{"".join(more)}</joint>'
-    path = tmp_path / "robot.urdf"
-    path.write_text(f'<robot name="robot">{text}</robot>', encoding="utf-8")
+    path = saved(tmp_path, f'<robot name="robot">{text}</robot>')
     return path
 
 
@@ -296,18 +295,8 @@ def test_the_command_line_accepts_several_tips_slides_in_metres_and_a_free_base(
     )
     out = tmp_path / "out.toml"
     words = [
-        "import",
-        str(path),
-        "--tip",
-        "l1",
-        "--tip",
-        "h",
-        "--locked",
-        "lift=0.5",
-        "--posture",
-        "left=90",
-        "--free-base",
-    ]
+        "import", str(path), "--tip", "l1", "--tip", "h", "--locked", "lift=0.5", "--posture", "left=90", "--free-base",
+    ]  # fmt: skip
     assert main([*words, "-o", str(out)]) == 0
     summary = line(capsys.readouterr().out, "robot: ")
     reviewed("import: summary", summary)

@@ -128,17 +128,6 @@ def test_the_report_gives_the_time_up_to_which_amplified_errors_are_known(models
     assert 0.0 < float(until[1]) < falling.run.duration
 
 
-def test_a_rigid_arm_has_holding_torques_and_a_step_error(models: Path) -> None:
-    scene = fl.load_scene(models / "paper_fig5.toml").varied({"run.duration": 0.1})
-    rigid = Study(scene.rigidified())
-    held = statics.made(rigid).tables[0].lines
-    q, _ = fl.initial_state(rigid.scene, rigid.chain)
-    assert [line[2] for line in held] == pytest.approx(fl.gravity_torque(rigid.chain, q).tolist(), rel=1e-12)
-    found = accuracy.made(rigid)
-    assert found is not None
-    reviewed("report: error of steps", found.verdicts[0].text, values=False)
-
-
 def test_the_command_writes_the_page_and_one_line_per_chapter(models, tmp_path, capsys, monkeypatch) -> None:
     monkeypatch.setattr(building, "CHAPTERS", chapters("model", "accuracy"))
     out = tmp_path / "a" / "b"

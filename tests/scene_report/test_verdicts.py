@@ -106,9 +106,6 @@ class TestAccuracy:
         reviewed("report verdicts: error of the steps", of_steps)
 
 
-# measurements and other programs
-
-
 @pytest.mark.slow
 def test_differences_are_root_mean_squares_and_the_payload_explains_them(tmp_path: Any) -> None:
     """Measurements of a falling bar have a payload of 0.6 kg instead of 0.5 kg, and one sample after the run's end."""

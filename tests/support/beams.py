@@ -2,9 +2,25 @@
 
 from typing import Any
 
-from flexlink import Arm, Chain, Joint, Link, Material, Mount, RigidBody, Scene, Section
+from flexlink import (
+    Arm,
+    Base,
+    Chain,
+    InitialState,
+    Joint,
+    Link,
+    Material,
+    Mount,
+    RigidBody,
+    RunSettings,
+    Scene,
+    Section,
+    Wrench,
+    details,
+)
 from tests.conftest import chain_of, flexible, make_scene
 
+STEEL = Material(young=210e9, density=7850.0)
 THIN = 1e-16
 """Second moment of area I so small that rotary inertia is negligible against ρ A L²; E = 1/I gives EI = 1."""
 
@@ -66,3 +82,50 @@ def branching(**fields: object) -> Scene:
         gravity=(0.0, 9.81, 1.0),
         **fields,
     )
+
+
+def steel_bars(thick: float = 0.01, *, links: int = 1, locked: bool = False, **situation: object) -> Scene:
+    """Square bars of steel, 1 m each, which by default fall from the horizontal for half a second."""
+    bent = {"flex": "z", "segments": 3} if locked else {}  # a scene without motion is refused
+    bars = tuple(
+        Link(name=f"bar{k}", length=1.0, material="steel", section="square", joint=Joint(locked=locked), **bent)
+        for k in range(links)
+    )
+    square = Section(shape="rectangle", height=thick, width=thick)
+    scene = Scene(
+        name="bars", gravity=(0.0, -9.81, 0.0), initial=InitialState(joint_deg=(0.0,) * links),
+        arm=Arm(links=bars, materials={"steel": STEEL}, sections={"square": square}),
+        run=RunSettings(duration=0.5, sample=0.01, step=0.01),
+    )  # fmt: skip
+    return scene.varied(situation)
+
+
+def satellite() -> Scene:
+    """A free base with an initial rotation, a flexible panel, and a prismatic boom that carries two hands."""
+    bar = {"material": "al", "section": "s"}
+    links = (
+        Link(name="panel", mount=Mount(xyz=(0.5, 0.0, 0.0)), length=2.0, flex="z", segments=3, **bar),
+        Link(
+            name="boom", on="base", mount=Mount(xyz=(-0.5, 0.0, 0.0), rpy_deg=(0.0, 20.0, 180.0)), length=1.0,
+            joint=Joint(kind="prismatic", axis=(1.0, 0.0, 0.0), limits_m=(-1.0, 1.0), armature=2.0,
+                           gear_stiffness=5e4, viscous=3.0), flex="xyz", segments=3, **bar,
+        ),
+        Link(name="left", on="boom", length=0.3, hub=RigidBody(mass=1.0, inertia=(0.01, 0.02, 0.025))),
+        Link(name="right", on="boom", length=0.2, joint=Joint(axis=(0.0, 1.0, 0.0)),
+                hub=RigidBody(mass=2.0, inertia=(0.03, 0.02, 0.025))),
+    )  # fmt: skip
+    arm = Arm(
+        links=links, materials={"al": Material(young=70e9, density=2700.0)},
+        sections={"s": Section(shape="circle", diameter=0.03)},
+        base=Base(kind="free", mass=100.0, center=(0.1, 0.0, -0.1), inertia=(10.0, 12.0, 15.0)),
+    )  # fmt: skip
+    return Scene(
+        name="satellite", arm=arm, gravity=(0.0, 0.0, -1.6),
+        initial=InitialState(
+            joint_deg=(0.0,) * 4, rate_deg=(5.0, 0.0, -20.0, 10.0), joint_m=(0.0, 0.2, 0.0, 0.0),
+            base=details.BaseState(xyz=(1.0, 2.0, 3.0), rpy_deg=(20.0, -50.0, 130.0), velocity=(0.1, -0.2, 0.3),
+                              spin_deg=(5.0, -3.0, 8.0)),
+        ),
+        wrench=Wrench(force=(1.0, 2.0, -3.0), moment=(0.5, 0.1, -0.2), on="left"),
+        run=RunSettings(method="RK4", step=1e-4, duration=0.05, sample=0.01),
+    )  # fmt: skip

@@ -1,10 +1,18 @@
 """URDF files of random robots: trees with every kind of joint and physically possible links."""
 
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
 Array = np.ndarray
+
+
+def saved(folder: Path, text: str, name: str = "robot") -> Path:
+    """Write a file of this text; return its path."""
+    path = folder / f"{name}.urdf"
+    path.write_text(text, encoding="utf-8")
+    return path
 
 
 def words(values: Array) -> str:

@@ -112,27 +112,21 @@ def test_a_members_numbers_do_not_depend_on_other_members(paper: fl.Scene, rng: 
 
 MANY: dict[str, Any] = {
     "of arm and start": {
-        "tip.mass": [0.0, 1.0, -1.0, 1e308],
-        "material.aluminium.young": [6e10, 7e10],
-        "initial.joint_deg.upper": [-70.0, 10.0],
-        "tip.center": [[0.0, 0.0, 0.0], [0.1, 0.2, 0.0]],
+        "tip.mass": [0.0, 1.0, -1.0, 1e308], "material.aluminium.young": [6e10, 7e10],
+        "initial.joint_deg.upper": [-70.0, 10.0], "tip.center": [[0.0, 0.0, 0.0], [0.1, 0.2, 0.0]],
     },
     "of damping and friction": {
-        "link.fore.damping.ratio": [0.001, 0.02],
-        "link.*.joint.coulomb": [0.0, 0.5],
-        "tip.mass": [0.0, 1.0],
+        "link.fore.damping.ratio": [0.001, 0.02], "link.*.joint.coulomb": [0.0, 0.5], "tip.mass": [0.0, 1.0],
         "link.upper.length": [1.0, 1.1],
     },
     "of run and segments": {
-        "link.*.segments": [3, 5],
-        "run.method": ["RK4", "RK10"],
-        "run.step": [1e-4, 3e-4, 5e-4, 1e-2],
+        "link.*.segments": [3, 5], "run.method": ["RK4", "RK10"], "run.step": [1e-4, 3e-4, 5e-4, 1e-2],
         "tip.mass": [0.0, 1.0],
     },
     "insisted": {"run.unstable": ["allow"], "run.step": [3e-4, 5e-4], "run.duration": [0.03], "tip.mass": [0.0, 1.0]},
     "of a drive": {"drive.kp.fore": [0.0, 100.0], "tip.mass": [0.0, 1.0], "drive.effort.fore": [1.0, 100.0]},
     "with a tolerance": {"run.tolerance": [1e-4], "tip.mass": [0.0, 1.0], "run.method": ["RK4", "Radau5"]},
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("grid", MANY.values(), ids=MANY)
@@ -179,12 +173,6 @@ def test_a_missing_quantity_fails_the_member_but_keeps_the_other_quantities(pape
     reviewed("sweeps: missing quantity", rows.failed[0])
 
 
-def test_warnings_are_stored(paper: fl.Scene) -> None:
-    insisting = paper.varied({"run.step": 5e-4, "run.unstable": "allow"})
-    (warning,) = fl.sweep(masses(insisting, 0.0)).column("warnings")
-    assert warning.startswith("run.step = 0.0005 s")
-
-
 def test_sweep_reductions_give_the_named_values() -> None:
     t, x = np.array([0.0, 1.0, 2.0]), np.array([1.0, -3.0, 2.0])
     found = {name: float(reduce(t, x)) for name, reduce in REDUCTIONS.items()}
@@ -198,12 +186,10 @@ def test_sweep_reductions_give_the_named_values() -> None:
 
 
 def test_settling_is_measured_against_the_equilibrium() -> None:
-    rod = fl.Link(name="a", length=1.0, material="aluminium", section="square", flex="z", segments=3)
-    held = make_scene(
-        rod.__class__(**{**{f: getattr(rod, f) for f in rod.__struct_fields__}, "joint": fl.Joint(locked=True)}),
-        gravity=(0.0, 9.81, 0.0),
-        run=fl.RunSettings(step=1e-5, sample=1e-4, duration=0.02),
-    ).varied({"link.a.damping": fl.Damping(ratio=0.9, at_hz=30.0)})
+    rod = flexible("a", segments=3, length=1.0, lumping="gauss", joint=fl.Joint(locked=True),
+                   damping=fl.Damping(ratio=0.9, at_hz=30.0))  # fmt: skip
+    run = fl.RunSettings(step=1e-5, sample=1e-4, duration=0.02)
+    held = make_scene(rod, gravity=(0.0, 9.81, 0.0), run=run)
     run, chain = fl.simulate(held), fl.lump(held)
     goal = fl.tip_position(chain, fl.solve_static(chain).q)
     tolerance = float(np.linalg.norm(run.tip - goal, axis=1)[len(run.t) // 2])
@@ -300,7 +286,7 @@ def test_missing_rows_are_found_among_many(paper: fl.Scene) -> None:
 
 def test_spreads_map_the_unit_interval_to_values() -> None:
     assert Spread(between=(2, 6)).value(0.25) == 3.0
-    assert Spread(between=(1, 100), spacing="log").value(0.5) == pytest.approx(10)
+    assert [Spread(between=(1, 10_000), spacing="log").value(u) for u in (0.0, 0.25)] == pytest.approx([1, 10])
     assert [Spread(between=(1, 3), whole=True).value(u) for u in (0.0, 0.5, 0.999)] == [1, 2, 3]
     assert Spread(mean=5, deviation=2).value(0.5) == 5.0
     assert Spread(mean=5, deviation=2).value(0.8413447460685429) == pytest.approx(7)
@@ -409,9 +395,6 @@ def test_an_unknown_key_is_reported_with_the_allowed_ones(tmp_path: Path, capsys
         assert key in text
 
 
-# Stored rows.
-
-
 def lines(path: Path) -> list[tuple]:
     with sqlite3.connect(path) as db:
         return db.execute("SELECT * FROM rows ORDER BY number").fetchall()
@@ -503,18 +486,6 @@ def test_files_other_than_sweep_databases_stay_unchanged(tmp_path: Path, paper: 
     assert (text.read_bytes(), other.read_bytes()) == before
 
 
-def test_a_damaged_database_is_refused_unless_the_sweep_starts_fresh(tmp_path: Path, paper: fl.Scene) -> None:
-    out, sweep = tmp_path / "sweep.db", masses(paper, *np.linspace(0, 1, 200).tolist())
-    fl.sweep(replace(sweep, set={"run.duration": 0.0}), out=out)
-    data = bytearray(out.read_bytes())
-    data[8192:12288] = os.urandom(4096)
-    out.write_bytes(data)
-    with refused(fl.errors.OutputError, "cannot-write"):
-        fl.sweep(replace(sweep, set={"run.duration": 0.0}), out=out)
-    assert out.read_bytes() == data
-    assert len(fl.sweep(masses(paper, 0.0), out=out, fresh=True).rows) == 1
-
-
 @pytest.mark.parametrize(
     "edit",
     [
@@ -529,9 +500,10 @@ def test_a_changed_database_is_refused_as_damaged(edit: str, tmp_path: Path, pap
     assert fl.sweep(sweep, out=out).rows == first
     with contextlib.closing(sqlite3.connect(out)) as db, db:
         db.execute(edit)
+    damaged = out.read_bytes()
     with pytest.raises(fl.errors.OutputError) as caught:
         fl.sweep(sweep, out=out)
-    assert "is damaged" in str(caught.value)
+    assert "is damaged" in str(caught.value) and out.read_bytes() == damaged
     assert fl.sweep(sweep, out=out, fresh=True).rows == first
 
 
@@ -629,9 +601,6 @@ def own_environment() -> dict[str, str]:
     return os.environ | {"PYTHONPATH": str(ROOT)}
 
 
-# Workers.
-
-
 @pytest.mark.slow
 def test_a_member_that_kills_its_process_fails_alone(paper: fl.Scene) -> None:
     sweep = masses(paper, *np.linspace(0, 1, 21).tolist())
@@ -674,9 +643,6 @@ def test_rows_of_two_versions_are_not_mixed(paper: fl.Scene, monkeypatch) -> Non
 def test_invalid_arguments_are_refused(arguments: dict, id: str, paper: fl.Scene) -> None:
     with refused(fl.errors.ArgumentError, id):
         fl.sweep(masses(paper, 0.0), **arguments)
-
-
-# Tables.
 
 
 def test_rows_are_exported_exactly(tmp_path: Path, paper: fl.Scene, capsys) -> None:
@@ -731,11 +697,6 @@ def test_the_rest_position_is_the_equilibrium_under_the_last_load() -> None:
     rest = SweepOutput(of="overshoot [m]", target="rest").place(run)
     EI = 70e9 * 0.04**4 / 12
     assert rest[1] == pytest.approx(1.25**3 / (3 * EI), rel=1e-2)
-
-
-def test_logarithmic_spreads_are_dense_at_small_values() -> None:
-    assert Spread(between=(1, 10_000), spacing="log").value(0.25) == pytest.approx(10)
-    assert Spread(between=(1, 10_000), spacing="log").value(0.0) == 1.0
 
 
 def execution(**state: object) -> Execution:
@@ -797,12 +758,6 @@ def test_a_fresh_start_removes_the_rows_of_a_killed_process(tmp_path: Path) -> N
     shutil.copy(out, left)
     with Store(left, plan, {"of": "this"}) as store:
         assert store.count() == 2
-
-
-def test_an_interrupted_sweep_reports_its_signal() -> None:
-    text = "2 of 3 members are done"
-    stopped = InterruptedSweepError(text, 15)
-    assert (str(stopped), stopped.signal) == (text, 15)
 
 
 def test_a_damaged_page_of_the_database_is_found(tmp_path: Path) -> None:

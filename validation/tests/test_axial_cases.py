@@ -11,15 +11,13 @@ from flexlink.engines import load
 from tests.conftest import ROOT
 from validation.case import load_cases
 from validation.kinds import frequencies
-from validation.oracles import bent_rods, coupled_cells, tensioned_beam
+from validation.oracles import bent_rods, tensioned_beam
 from validation.oracles.tensioned_beam import Beam
 from validation.physics import axial_references, parity
 from validation.physics.variant import Rule
 from validation.reference_values import look_up, reference_array
 
 CASES = {case.name: case for case in load_cases("physics_*")}
-
-# --- exact values ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -39,17 +37,6 @@ def test_stored_tip_positions_agree_with_numerical_integration():
     assert float(look_up("bent_rods", "space", "two_methods_apart")) < 1e-10  # tolerance of the coarser method
 
 
-def test_a_small_follower_force_gives_the_linear_deflection():
-    x, y, angle = map(float, bent_rods.follower(1e-4))
-    assert (y, angle, 1 - x) == pytest.approx((1e-4 / 3, 1e-4 / 2, 1e-8 / 15), rel=1e-6)
-
-
-def test_the_reference_for_coupled_cells_converges_to_the_beam_with_order_four():
-    exact = tensioned_beam.frequencies(Beam(), 1)[0]
-    errors = [abs(coupled_cells.frequencies(2, n, 4.0)[0] / float(exact) - 1) for n in (8, 16)]
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.3)
-
-
 def test_derivatives_at_a_steady_rate_give_the_centrifugal_stiffness():
     case = CASES["physics_spinning"]
     scene = frequencies.Variant(change={"initial.rate_deg": [120.0, 0.0]}).build(case, Rule(rule="gauss", hinges=4))
@@ -61,9 +48,6 @@ def test_derivatives_at_a_steady_rate_give_the_centrifugal_stiffness():
     assert np.sqrt(theirs) == pytest.approx(fl.natural_frequencies(chain, qd=qd, locked=[0]), rel=1e-9)
     still = parity.symmetric_squares(engine, np.zeros(chain.n), parity.springs(engine), np.arange(1, chain.n))
     assert theirs[0] > still[0] + 0.1
-
-
-# --- tension without bending stiffness: a string ---------------------------------------------------------------------
 
 
 def string(rule: str, hinges: int, *, spins: bool) -> Modes:

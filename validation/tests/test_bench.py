@@ -49,9 +49,6 @@ def verdicts(run, name: str, units: Units | None = None, **settings: float) -> l
     return [each.verdict for each in judge("mine", run, BENCHMARKS[name], settings, units)]
 
 
-# --- cases and references --------------------------------------------------------------------------------------------
-
-
 def test_there_are_cases_of_every_kind():
     kinds = [each.ask for each in BENCHMARKS.values()]
     assert len(BENCHMARKS) >= 12
@@ -115,9 +112,6 @@ def test_the_arm_of_a_case_is_that_of_the_study(name):
         assert np.allclose(fl.gravity_torque(mine, q), fl.gravity_torque(ours, q), rtol=1e-6)
 
 
-# --- liars -----------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("benchmark", EVERY)
 def test_a_thousandth_off_is_not_accepted_and_the_exact_answer_is(benchmark: Benchmark):
     def off(case, settings):
@@ -171,9 +165,6 @@ def test_an_answer_does_not_depend_on_the_units():
         assert np.allclose(*errors, rtol=1e-3, atol=1e-9)
 
 
-# --- verdicts --------------------------------------------------------------------------------------------------------
-
-
 def test_a_solver_that_cannot_or_fails_has_a_verdict_with_the_reason():
     reason = "it has no columns"
 
@@ -198,9 +189,6 @@ def test_the_note_of_an_answer_is_in_the_table():
     found = list(judge("n", lambda case, _: Answer(exact_of(case), "by heart"), BENCHMARKS["columns"]))
     rows = list(csv.DictReader(as_csv(found).splitlines()))
     assert [row["note"] for row in rows] == ["by heart"] * 2
-
-
-# --- solvers ---------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["pinocchio", "mujoco"])
@@ -231,10 +219,12 @@ def test_a_program_that_is_not_installed_cannot(monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_example_is_short_and_accepted():
+def test_the_example_is_short_and_accepted(capsys):
     assert EXAMPLE.read_text("utf-8").count("\n") <= 60
     assert set(verdicts(find(str(EXAMPLE)).run, "elastica", Units.drawn(SEED))) == {ACCEPTED}
     assert set(verdicts(find(str(EXAMPLE)).run, "princeton")) == {CANNOT}
+    assert main(["example"]) == 0
+    assert capsys.readouterr().out == EXAMPLE.read_text("utf-8")
 
 
 def test_a_solver_of_another_package_is_found_by_its_entry_point(tmp_path, monkeypatch):
@@ -257,9 +247,6 @@ def test_mistakes_in_the_name_of_a_solver_are_named(tmp_path):
             find(wanted)
     with refused(BenchError, "test-bench"):
         load_benchmarks("nothing*")
-
-
-# --- files to fill in ------------------------------------------------------------------------------------------------
 
 
 def fill(folder: Path, benchmark: Benchmark, factor: float) -> None:
@@ -301,9 +288,6 @@ def test_a_mistake_in_a_file_is_named(tmp_path, text):
     assert "columns.csv" in found[-1].reason
 
 
-# --- command, page, data sheets --------------------------------------------------------------------------------------
-
-
 def test_the_page_has_every_case_and_solver(tmp_path, capsys):
     (tmp_path / "mine.py").write_text(MINE)
     code = main([
@@ -332,10 +316,13 @@ def test_every_case_has_a_data_sheet(benchmark: Benchmark):
     assert all(f"link {link.name}" in text for link in benchmark.parts[0][0].links)
 
 
-def test_the_commands_list_write_and_refuse(tmp_path, capsys):
+def test_the_commands_list_write_and_refuse(tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "exudyn", None)
+    monkeypatch.delitem(sys.modules, "flexarm_bench.solvers.with_exudyn", raising=False)
     assert main(["list"]) == 0
     shown = capsys.readouterr().out
     assert all(name in shown for name in [*BENCHMARKS, *OWN])
+    assert "exudyn (" in shown, "its program is missing"
     assert main(["sheets", "-o", str(tmp_path / "sheets"), "motion"]) == 0
     assert len(list((tmp_path / "sheets").iterdir())) == 5
     assert main(["blank", str(tmp_path / "mine"), "motion"]) == 0
@@ -356,9 +343,6 @@ def test_the_solver_in_the_readme_runs(tmp_path, capsys):
     assert set(verdicts(run, "pinned")) == {CANNOT}
 
 
-# --- the package -----------------------------------------------------------------------------------------------------
-
-
 def imports(path: Path) -> set[str]:
     """First names of all modules that a file imports."""
     found = set()
@@ -377,21 +361,6 @@ def test_the_package_imports_numpy_and_each_solver_its_program(path):
         "with_exudyn": {"exudyn"}, "with_cosseratbench": {"cosseratbench"}, "elastica_by_scipy": {"scipy"},
     }  # fmt: skip
     assert imports(path) <= {"numpy"} | programs.get(path.stem, set())
-
-
-def test_the_example_is_a_solver_whose_answers_are_accepted(tmp_path, capsys):
-    assert main(["example"]) == 0
-    mine = tmp_path / "mine.py"
-    mine.write_text(capsys.readouterr().out, encoding="utf-8")
-    assert main(["run", "--solver", str(mine), "elastica"]) == 0
-    assert capsys.readouterr().out.count("≤") == 5
-
-
-def test_the_list_marks_solvers_whose_program_is_missing(capsys, monkeypatch):
-    monkeypatch.setitem(sys.modules, "exudyn", None)
-    monkeypatch.delitem(sys.modules, "flexarm_bench.solvers.with_exudyn", raising=False)
-    assert main(["list"]) == 0
-    assert "exudyn (" in capsys.readouterr().out
 
 
 def test_the_package_runs_without_flexlink():

@@ -29,9 +29,6 @@ from validation.reference_values import look_up
 CASES = {case.name: case for case in load_cases("measured_*")}
 
 
-# --- grids -----------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("order", [1.0, 1.7, 2.0])
 def test_the_order_of_a_power_law_is_found_and_the_index_is_125_percent_of_the_error(order):
     exact, error = 3.0, 0.4
@@ -55,9 +52,6 @@ def test_without_convergence_the_index_is_three_times_the_largest_difference(val
 
 def test_no_grid_convergence_index_is_smaller_than_rounding():
     assert grid_convergence(1.0, 1.0, 1.0, 2.0, rounding=1e-9).grid_index == 1e-9
-
-
-# --- uncertainties and verdicts --------------------------------------------------------------------------------------
 
 
 def test_bounds_have_the_standard_uncertainty_of_a_rectangular_distribution():
@@ -94,9 +88,6 @@ def test_uncertainties_of_derived_readings_agree_with_random_samples():
         assert found.u == pytest.approx(values.std(), rel=2e-2)
 
 
-# --- models: closed forms and other programs' numbers --------------------------------------------------------------
-
-
 def test_the_rotating_beam_at_rest_has_the_frequencies_of_a_clamped_beam():
     scene = load_scene(scene_file("swept_beam")).varied({"link.straight.segments": 9, "link.tip.segments": 3})
     found = rotating_beam.predicted(scene)
@@ -128,9 +119,6 @@ def test_the_files_contain_36_frequencies_54_runs_and_ten_masses():
     assert len(wing_spar.readings()) == 10
     for measurement in MEASUREMENTS.values():
         assert all(reading.u > 0 for reading in measurement.all_readings().values())
-
-
-# --- the cases -------------------------------------------------------------------------------------------------------
 
 
 def results(name: str, **changes):
@@ -182,8 +170,6 @@ def test_the_first_screen_shows_the_results_of_the_cases():
     assert line[4:] == tuple(float((series.columns["verdict"] == v).sum()) for v in kind.VERDICTS)
     assert sum(line[4:]) == 10.0
 
-
-# --- a laboratory's arm ----------------------------------------------------------------------------------------------
 
 RECORDER = two_link.Recorder(2.0, 0.9, 0.01)
 
@@ -293,9 +279,6 @@ HERTZ, ZETA, NOISE = 3.0567, 0.006, 0.02
 SIZES = np.array([0.30, 0.02, 0.22, 0.1, 0.15, 0.05, 0.0])  # of the joints' torques at the end of the recording [N m]
 
 
-# --- decays of the strip ---------------------------------------------------------------------------------------------
-
-
 def recording(folder: Path, slipping: float = 0.0) -> Path:
     """A synthetic recording of 10 s at 1 kHz; `slipping` adds a square wave of its sign, as of dry friction."""
     t, rng = np.arange(0.0, 10.0, 1e-3), np.random.default_rng(3)
@@ -376,8 +359,6 @@ def test_the_limit_of_sticking_hardly_changes_the_frequencies_at_amplitude_zero(
         assert 0 < abs(other - value) < COVERAGE * u
 
 
-# --- one number ------------------------------------------------------------------------------------------------------
-
 NAMES = [f"mode {k}" for k in range(1, 9)]
 CANDIDATE = Candidate(path="stiffness", unit="N m", tolerance=0.02)
 
@@ -448,9 +429,6 @@ def test_patterns_choose_the_fitted_quantities() -> None:
     assert chosen(names, ["*, 0 rpm, *"]) == ([names[0], names[2]], [names[1]])
 
 
-# --- a second way ----------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("order", [1.0, 1.7, 2.0])
 def test_close_grids_find_the_order_and_125_percent_of_the_error(order: float) -> None:
     two, three, four = (3.0 + 0.4 / n**order for n in (2, 3, 4))
@@ -476,9 +454,6 @@ def test_the_scatter_about_a_polynomial_is_one_in_units_of_the_right_uncertainty
 def test_a_small_part_of_u_val_may_disagree() -> None:
     assert disagreement(1.0, 1.3, 1.5) == pytest.approx(0.3)
     assert disagreement(0.01, 0.02, 1.0) == pytest.approx(0.05)
-
-
-# --- the cases -------------------------------------------------------------------------------------------------------
 
 
 def rows(name: str, **changes: object) -> list[Measured]:

@@ -131,23 +131,15 @@ def test_a_row_about_a_claim_contains_the_claim():
     assert judged(case, Measured("T_GC / T_FL", 0.0), 0.0, "k").varied == {}
 
 
-# the page
-
-
 @pytest.fixture
 def results(tmp_path):
     claims = [
         row(
-            f"paper_{k}",
-            kind="paper_types",
-            title=f"claim {k}",
-            quantity="claim",
-            note=note,
-            tolerance=None,
+            f"paper_{k}", kind="paper_types", title=f"claim {k}", quantity="claim", note=note, tolerance=None,
             value=float(k),
         )
         for k, note in enumerate(("holds; more", "holds for T1", "does not hold"))
-    ]
+    ]  # fmt: skip
     return stored(tmp_path / "results", *claims)
 
 

@@ -18,11 +18,12 @@ from tests.support.words import refused, reviewed
 from validation import reference_values
 from validation.case import STUDY_SCENES, load_cases
 from validation.facts import in_words
-from validation.kinds import KINDS
+from validation.kinds import KINDS, validity
 from validation.physics import formulas
 from validation.physics.hinge_sweep import Need, Point, Sweep, order, report
 from validation.physics.variant import Rule, Variant, existing
-from validation.store import Environment, Row, Series, Store
+from validation.store import Environment, Series, Store
+from validation.tests import studies
 
 NEEDED, NOT_ENOUGH, FEWEST = "hinges needed", "hinges not enough", "fewest hinges: need"
 MARGIN = "order − lower bound"
@@ -31,9 +32,6 @@ CASES = {case.name: case for case in load_cases("physics_*")}
 SCENES = sorted(path.stem for path in STUDY_SCENES.glob("*.toml"))
 SOURCES = [path for folder in ("validation/cases", "validation/kinds", "validation/physics") for path in
            sorted((ROOT / folder).glob("*.*")) if path.suffix in {".toml", ".py"}]  # fmt: skip
-
-
-# --- sweeps ----------------------------------------------------------------------------------------------------------
 
 
 def rows(sweep, errors):
@@ -65,9 +63,6 @@ def test_a_fitted_order_ignores_rounding_errors_and_accidentally_small_errors():
     assert abs(with_all["fitted order", "lobatto4, tip"] - 4) > 1
     with refused(DataFileError, "test-physics-cases"):
         rows(sweep, {"lobatto4": {64: 1e-13, 128: 3e-13}})
-
-
-# --- scenes, references, cases ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -126,9 +121,6 @@ def test_an_unknown_reference_is_refused(keys):
         reference_values.look_up(*keys)
 
 
-# --- inputs by formula -----------------------------------------------------------------------------------------------
-
-
 def test_the_torque_pulse_matches_its_formula_to_2_micronewton_metres():
     scene = formulas.torque_pulse(fl.load_scene(STUDY_SCENES / "torque_pulse.toml"))
     chain = fl.lump(scene)
@@ -139,15 +131,8 @@ def test_the_torque_pulse_matches_its_formula_to_2_micronewton_metres():
         assert tau[0] == pytest.approx(exact, abs=2e-6)
 
 
-# --- the report ------------------------------------------------------------------------------------------------------
-
-
 def row(quantity, value, **varied):
-    return Row(
-        case="physics_x", kind="frequencies", title="t", scene="", engine="native", varied=varied, quantity=quantity,
-        metric="m", value=value, unit="1", tolerance=None, bound="at most", passed=None, timed=False, reason="",
-        note="", given_up="", seconds=0.0, key="",
-    )  # fmt: skip
+    return studies.row("physics_x", value, None, kind="frequencies", varied=varied, quantity=quantity, scene="")
 
 
 def test_the_choice_of_rules_is_computed_from_the_rows(tmp_path):
@@ -183,3 +168,8 @@ def test_stable_steps_of_other_cases_are_not_used_as_costs_of_rules(tmp_path):
     (text,) = finding.sentences
     assert re.findall(r"\d+", text.partition("legendre")[2]) == ["6"]
     reviewed("physics cases: price of rules", text)
+
+
+def test_a_crossing_is_interpolated_and_nan_if_there_is_none():
+    assert validity._crossing(np.array([0.0, 1.0, 2.0]), [0.0, 0.2, 0.6], 0.4) == pytest.approx(1.5)
+    assert np.isnan(validity._crossing(np.array([0.0, 1.0]), [0.0, 0.2], 0.4))

@@ -36,13 +36,8 @@ COLUMNS = ("method", "setting", "error", "CPU time [s]", "deflection error", "ev
 def time(engine: str, method: str, error: float, value: float, **fields: object) -> Row:
     varied = {"method": method, "error": error}
     named = {
-        "case": "trade",
-        "kind": "speed_trade",
-        "quantity": "CPU time",
-        "unit": "ms",
-        "timed": True,
-        "scene": "arm",
-    }
+        "case": "trade", "kind": "speed_trade", "quantity": "CPU time", "unit": "ms", "timed": True, "scene": "arm",
+    }  # fmt: skip
     return row(value=value, tolerance=None, engine=engine, varied=varied, **named | fields)
 
 

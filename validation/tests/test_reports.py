@@ -90,7 +90,7 @@ def test_the_report_needs_no_engine_and_no_simulation(tmp_path: Path) -> None:
     assert row().title in (tmp_path / "o" / "index.html").read_text(encoding="utf-8")
 
 
-def test_failing_rows_come_first(tmp_path: Path) -> None:
+def test_failing_rows_come_first_and_passing_findings_are_not_among_them(tmp_path: Path) -> None:
     page = words_of(tmp_path, row("fine"), row("broken", value=3e-9, quantity="T_GC"))
     (verdict,) = items(first_screen_html(page), "1 of 2")
     reviewed("reports: verdict of failing checks", verdict)
@@ -99,10 +99,6 @@ def test_failing_rows_come_first(tmp_path: Path) -> None:
     assert positions == sorted(positions)
     broken, fine = (page.index(f'id="case-{name}"') for name in ("broken", "fine"))
     assert broken < fine, "failing cases come first in their chapter"
-
-
-def test_findings_that_pass_are_not_listed_with_failing_checks(tmp_path: Path) -> None:
-    page = words_of(tmp_path, row("fine"), row("broken", value=3e-9, quantity="T_GC"))
     failing = page[page.index('id="failing"') :].split("</section>")[0]
     assert "T_GC" in failing
     assert items(page, f"{number(1e-15)} ×")

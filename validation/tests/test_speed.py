@@ -39,17 +39,11 @@ def chain(request: pytest.FixtureRequest) -> fl.Chain:
     return fl.lump(family(request.param, 3).scene(CASE, 3))
 
 
-# families
-
-
 @pytest.mark.parametrize("kind", FLEX)
 def test_the_step_extrapolated_to_longer_chains_is_stable(kind: str) -> None:
     some = family(kind, 5, 30)
     scene = some.released(CASE, 30)
     assert scene.run.step <= fl.stable_step(fl.lump(scene), np.linspace(0.1, 0.4, fl.lump(scene).n), method="RK4")
-
-
-# compared programs
 
 
 def test_every_pinocchio_model_has_our_accelerations(chain: fl.Chain) -> None:
@@ -90,9 +84,6 @@ def test_all_compared_programs_raise_an_error_when_a_run_diverges() -> None:
             contestant(5000)
 
 
-# stopwatch
-
-
 def test_the_timer_measures_a_call_also_on_a_busy_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     """The simulated clock advances only with the work; in every second measurement another process doubles the time."""
     now, lengths = [0.0], {}
@@ -122,9 +113,6 @@ def test_the_exponent_is_fitted_to_long_chains_only() -> None:
     assert row.value == pytest.approx(1.5)
 
 
-# the report
-
-
 def test_the_report_plots_cost_against_n_and_lists_the_times(tmp_path: Path) -> None:
     store = Store(tmp_path)
     store.prepare(["speed_calls"])
@@ -145,8 +133,6 @@ def test_the_report_plots_cost_against_n_and_lists_the_times(tmp_path: Path) -> 
     assert finding.lines[0] == ("T1", 10.0, pytest.approx(0.1), pytest.approx(1.0))
     assert finding.lines[1][-1] is None
 
-
-# warm-up
 
 REHEARSED = """
 import numba, sys

@@ -1,25 +1,34 @@
-"""Cost versus accuracy: stored references belong to their scenes, and independent solvers agree."""
+"""Cost versus accuracy: references belong to their scenes, the cheapest run counts, an error is split into parts."""
 
 import math
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 import flexlink as fl
+from flexlink.common.errors import DataFileError
+from flexlink.describe.scene_file import load_scene
 from flexlink.describe.spec import decode
 from flexlink.results.tip_motion import tip_travel
-from tests.support.words import reviewed
-from validation.kinds import speed_trade
+from reports.figures import checks as figure
+from reports.findings import errors as finding
+from reports.results import Results
+from tests.support.words import refused, reviewed
+from validation.case import CASES, MODELS, STUDY_SCENES, load_case
+from validation.kinds import speed_rules, speed_trade
+from validation.physics.variant import Rule
 from validation.reference_values import reference_array
+from validation.store import Series, Store, table
+from validation.tests.studies import row, stored
 from validation.trade import contestants, with_flexlink
 from validation.trade import references as trade_references
 from validation.trade import scenes as trade
+from validation.trade.error_parts import Fine, Setup, Splitter
+from validation.trade.rule_ladder import Reference, Tried, cut
 from validation.trade.work_precision import Point, cost, ladder
 
 NAMES = list(trade.scenes())
-
-
-# scenes and references
 
 
 @pytest.mark.slow
@@ -47,18 +56,6 @@ def test_errors_are_relative_to_the_motion_and_infinite_without_a_run():
     assert trade.errors("paper", exact._replace(tip=np.full_like(exact.tip, np.nan))) == (math.inf, 0.0)
 
 
-def test_the_deflection_is_the_tip_displacement_from_the_rigid_arm():
-    chain = fl.lump(trade.trade_scene("kick11"))
-    q = np.zeros((2, chain.n))
-    q[0, 0], q[1, 1:] = 0.3, 0.01
-    found = trade.seen(chain, q)
-    assert found.bend[0] == pytest.approx(np.zeros(3), abs=1e-15)
-    assert found.bend[1] == pytest.approx(found.tip[1] - fl.tip_position(chain, np.zeros(chain.n)))
-
-
-# Drake and Exudyn
-
-
 def test_a_missing_engine_is_omitted_and_the_others_run_their_scenes(monkeypatch):
     def points(engine, *_):
         if engine == "drake":
@@ -72,9 +69,6 @@ def test_a_missing_engine_is_omitted_and_the_others_run_their_scenes(monkeypatch
     assert speed_trade._others("p2p5", chosen)["Exudyn"] == points("exudyn")
     assert "Drake" not in speed_trade._others("p2p5", chosen)
     assert "Exudyn" not in speed_trade._others("p2p", chosen)
-
-
-# work against precision
 
 
 def test_step_refinement_ends_at_small_errors_or_before_the_time_budget():
@@ -139,3 +133,138 @@ def test_only_costs_of_other_programs_are_extrapolated():
     assert rows[f"RK4 {ratio} 0.0001{speed_trade.HARD_SCENE}"].value == 50
     rows = {row.quantity: row for row in speed_trade._rows("t3", speed_trade.Aim("error", 1e-6), ours, others)}
     assert rows[f"RK4 {ratio} 1e-06"].value == 0  # flexlink does not reach the error, so no limit is met
+
+
+REFERENCE = Reference(rule="lobatto4", hinges=8, checked=4, method="Radau5", tolerance=1e-6)
+RUN = {
+    "gravity": [0.0, -8.0, 0.0], "material.unit.loss_time": 1e-2, "run.method": "Radau5", "run.step": None,
+    "run.tolerance": 1e-4, "run.duration": 0.2, "run.sample": 0.05,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def falling() -> fl.Scene:
+    """A cantilever that falls for a short while."""
+    return fl.load_scene(STUDY_SCENES / "unit_beam.toml").varied(RUN)
+
+
+def tried(rule: str, hinges: int, error: float, seconds: float) -> Tried:
+    return Tried(Rule(rule=rule, hinges=hinges), "Radau5", Point(1e-3, error, seconds), 2 * seconds)
+
+
+def test_the_gain_compares_the_cheapest_runs_that_meet_the_error():
+    settings = decode(load_case(CASES / "speed_axial.toml").settings, speed_rules.SpeedRulesSettings)
+    race = settings.race[0]
+    runs = [
+        tried("gauss", 4, 2e-3, 1e-3), tried("gauss", 32, 5e-4, 8e-3), tried("gauss", 64, 1e-4, 9e-3),
+        tried("lobatto2", 4, 9e-4, 3e-3), tried("lobatto4", 8, 1e-5, 2e-3),
+    ]  # fmt: skip
+    rows = list(speed_rules._rows(settings, race, "Radau5", 1e-3, runs))
+    gains = {row.quantity: row.value for row in rows if "/" in row.quantity}
+    assert gains == pytest.approx(dict.fromkeys(gains, 4.0))
+    name = f"{race.name}: gauss / lobatto, Radau5, tip error 0.001 m"
+    assert name in gains
+    assert all(row.timed for row in rows)
+    assert not any("/" in row.quantity for row in speed_rules._rows(settings, race, "Radau5", 1e-4, runs[3:]))
+
+
+def test_an_advised_family_is_represented_by_its_cheapest_chain():
+    case = load_case(CASES / "advice_axial.toml")
+    settings = decode(case.settings, speed_rules.AdviceFamiliesSettings)
+    met = [tried("gauss", 8, 1e-5, 3.0), tried("lobatto2", 4, 1e-5, 2.0), tried("lobatto4", 8, 1e-5, 1.5)]
+    costs = [run.point.seconds for run in met]
+    assert speed_rules._over_cheapest(settings, "gauss", met, costs)[0] == 2.0
+    assert speed_rules._over_cheapest(settings, "lobatto", met, costs)[0] == 1.0
+
+
+def test_the_family_of_an_advice_follows_from_the_rules_of_its_links(falling):
+    case = load_case(CASES / "advice_axial.toml")
+    settings = decode(case.settings, speed_rules.AdviceFamiliesSettings)
+    assert speed_rules._family(settings, case, falling) == "gauss"  # the midpoint rule is in the gauss family
+    assert speed_rules._family(settings, case, cut(falling, Rule(rule="lobatto4", hinges=4))) == "lobatto"
+    stiff = fl.load_scene(STUDY_SCENES / "triple_pendulum_rods.toml")
+    assert all(link.flex == "rigid" for link in stiff.arm.links)
+    with refused(DataFileError, "test-rule-ladder"):
+        speed_rules._family(settings, case, stiff)
+
+
+@pytest.mark.slow
+def test_the_kinds_run_completely_on_a_small_grid():
+    case, finer = load_case(CASES / "speed_axial.toml"), replace(REFERENCE, hinges=16, checked=12)
+    settings = decode(case.settings, speed_rules.SpeedRulesSettings)
+    race = replace(settings.race[3], errors=(1e-2,), hinges={"Radau5": {"gauss": (8, 12), "lobatto2": (8,)}})
+    small = replace(settings, reference=finer, tolerances=(1e-3, 1e-4), race=(race,))
+    ratios = [row.quantity for row in speed_rules.speed_rules(case, small) if "/" in getattr(row, "quantity", "")]
+    assert any("Radau5" in name and " 0.01 m" in name for name in ratios)
+    case = load_case(CASES / "advice_axial.toml")
+    defaults = decode(case.settings, speed_rules.AdviceFamiliesSettings)
+    one = replace(defaults.asked[3], error=1e-2)
+    hinges = {"gauss": (8, 12), "lobatto2": (8,)}
+    small = replace(defaults, reference=finer, hinges=hinges, of_error=(1.0, 0.1), methods=("Radau5",), asked=(one,))
+    rows = {row.quantity: row.value for row in speed_rules.advice_families(case, small)}
+    within, cost = "advised within the allowed error", "advised family / cheapest, listed costs"
+    assert rows[within] == 1.0
+    assert rows[cost] >= 1.0
+
+
+COARSE = {
+    "model": Setup(flex="rigid", method="DOP853", tolerance=1e-10),
+    "space": Setup(flex="z", hinges=1, method="DOP853", tolerance=1e-10),
+    "time": Setup(flex="z", rule="gauss", hinges=8, method="Radau5", tolerance=1e-2),
+}
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """A short fall of the paper's arm."""
+    return load_scene(MODELS / "paper_fig5.toml").varied({"run.duration": 0.1, "run.sample": 0.01})
+
+
+@pytest.fixture(scope="module")
+def splits(scene):
+    """Error parts of the same fall with soft links, for runs that are each coarse in one setting only."""
+    exact = Fine(method="DOP853", tolerances=(1e-11, 1e-10), hinges=(10, 8))
+    splitter = Splitter(scene.varied({"material.aluminium.young": 7e8}), "z", exact, exact)
+    return {coarse: splitter.split(setup) for coarse, setup in COARSE.items()}
+
+
+@pytest.mark.parametrize("coarse", COARSE)
+def test_the_largest_error_part_belongs_to_the_coarse_setting(splits, coarse):
+    parts = splits[coarse].parts
+    assert max(parts, key=lambda name: parts[name].size) == coarse
+    assert parts[coarse].own < 0.1 * parts[coarse].size
+
+
+def test_a_rigid_arm_has_no_hinge_error_and_an_exact_model_no_model_error(splits):
+    assert splits["model"].parts["space"].size == 0.0
+    assert splits["space"].parts["model"].size == splits["time"].parts["model"].size == 0.0
+
+
+LINES = (("coarse", 0.0, 2e-3, 1e-6, 1e-14, 2e-3), ("slack", 0.0, 1e-5, 1e-3, 1e-14, 1e-3))
+
+
+@pytest.fixture
+def results(tmp_path):
+    where = stored(tmp_path / "results", row("split", kind="errors_split"))
+    columns = table(("run", *finding.PARTS, "total"), LINES)
+    Store(where).add_series("split", Series("errors", "title", columns, "run", "run", "error [m]", scene="arm"))
+    return Results.read(where)
+
+
+def test_the_error_table_names_the_largest_part_and_leaves_zeros_empty(results):
+    (found,) = finding.errors_split(results)
+    assert [(line[0], line[1], line[-1]) for line in found.lines] == [
+        ("arm: coarse", None, "space"), ("arm: slack", None, "time"),
+    ]  # fmt: skip
+    text = " ".join(found.sentences)
+    assert "2 runs" in text and " 1 of " in text and " 1 %" in text
+    reviewed("errors split: finding", text)
+
+
+def test_an_error_part_of_zero_is_not_drawn(results):
+    (picture,) = figure.errors_split(results)
+    (axes,) = picture.figure.axes
+    drawn = {
+        line.get_label(): len(np.asarray(line.get_xdata())) for line in axes.lines if line.get_linestyle() == "None"
+    }
+    assert drawn == {"model": 0, "space": 2, "time": 2, "rounding": 2, "total": 2}

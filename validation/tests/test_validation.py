@@ -23,9 +23,11 @@ from validation.facts import column_head, in_words
 from validation.kinds import KINDS
 from validation.measuring import judged
 from validation.speed import machine
-from validation.store import STOPPED, Conditions, Environment, Finished, Planned, Row, Series, Store
+from validation.store import STOPPED, Conditions, Environment, Finished, Planned, Series, Store
+from validation.tests.studies import row
 
 ROOT = Path(__file__).parents[2]
+KIND = KINDS["order_conditions"]
 
 CASE = """
 kind  = "order_conditions"
@@ -56,7 +58,25 @@ def study(tmp_path, monkeypatch):
     return run
 
 
-# the cases of the project
+@pytest.fixture
+def watched(monkeypatch):
+    """Function that adds what happens before and after the measurements of each case."""
+    honest = KIND.run
+
+    def add(before=lambda name: None, after=lambda name: None):
+        def run(case, **settings):
+            before(case.name)
+            yield from honest(case, **settings)
+            after(case.name)
+
+        monkeypatch.setattr(KIND, "run", run)
+
+    return add
+
+
+def dies(name):
+    if name == "small":
+        raise KeyboardInterrupt
 
 
 @pytest.mark.parametrize("case", load_cases(*cases.ALL), ids=lambda case: case.name)
@@ -88,9 +108,6 @@ def test_a_malformed_case_is_one_line_with_file_key_and_value(tmp_path, change, 
     assert "\n" not in str(error.value)
 
 
-# verdicts
-
-
 def verdict(value, scale=1.0, **quantity):
     case = cases.Case(
         name="c", kind="k", title="t", about="a",
@@ -117,9 +134,6 @@ def test_a_tolerance_is_multiplied_by_the_scale():
     assert (row.passed, row.tolerance) == (True, 1.5e-6)
 
 
-# running
-
-
 def test_a_met_limit_gives_exit_code_0_and_a_finished_case(study):
     code, store = study()
     [row] = store.rows()
@@ -142,12 +156,9 @@ def test_a_failed_check_gives_exit_code_1_and_is_named(study, capsys):
     reviewed("validation: failed check", printed[-1])
 
 
-def test_a_rerun_skips_stored_cases_unless_forced(study, monkeypatch):
+def test_a_rerun_skips_stored_cases_unless_forced(study, watched):
     runs = []
-    honest = KINDS["order_conditions"].run
-    monkeypatch.setattr(
-        KINDS["order_conditions"], "run", lambda *a, **settings: (runs.append(1), honest(*a, **settings))[1]
-    )
+    watched(runs.append)
     study()
     study()
     assert len(runs) == 1
@@ -155,24 +166,12 @@ def test_a_rerun_skips_stored_cases_unless_forced(study, monkeypatch):
     assert len(runs) == 2
 
 
-def test_an_interrupted_rerun_leaves_the_case_unfinished(study, monkeypatch):
+def test_an_interrupted_rerun_leaves_the_case_unfinished(study, watched):
     assert study()[1].finished()
-
-    def dies(case, **settings):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(KINDS["order_conditions"], "run", dies)
+    watched(dies)
     code, store = study("--force")
     assert code == 130
     assert not store.finished()  # so the report shows INCOMPLETE
-
-
-def test_an_edited_case_is_measured_again(study):
-    key = study()[1].finished()["small"].key
-    study.case_file.write_text(CASE.replace("a title", "another title"), encoding="utf-8")
-    store = study()[1]
-    assert store.finished()["small"].key != key
-    assert [row.title for row in store.rows()] == ["another title"]
 
 
 def test_a_case_is_measured_again_if_what_it_depends_on_changes_and_the_file_is_named(study, monkeypatch, capsys):
@@ -200,16 +199,14 @@ def test_results_with_another_version_are_measured_again_except_in_the_full_stud
     reviewed("validation: again", line(capsys.readouterr().out, "small: "), values=False)
 
 
-def test_a_case_that_crashes_is_named_with_its_place_and_the_others_run(study, monkeypatch, capsys):
+def test_a_case_that_crashes_is_named_with_its_place_and_the_others_run(study, watched, capsys):
     study.case_file.with_name("z_last.toml").write_text(CASE, encoding="utf-8")
-    honest = KINDS["order_conditions"].run
 
-    def crashes(case, **settings):
-        if case.name == "small":
+    def crashes(name):
+        if name == "small":
             raise ZeroDivisionError("by nothing,\nat all")
-        yield from honest(case, **settings)
 
-    monkeypatch.setattr(KINDS["order_conditions"], "run", crashes)
+    watched(crashes)
     code, store = study()
     assert (code, set(store.finished()), set(store.failed())) == (2, {"z_last"}, {"small"})
     error = capsys.readouterr().err
@@ -217,17 +214,10 @@ def test_a_case_that_crashes_is_named_with_its_place_and_the_others_run(study, m
     reviewed("validation: crash", error, values=False)
 
 
-def test_a_case_during_which_the_study_ended_runs_last(study, monkeypatch):
+def test_a_case_during_which_the_study_ended_runs_last(study, watched):
     study.case_file.with_name("z_last.toml").write_text(CASE, encoding="utf-8")
-    honest, ran = KINDS["order_conditions"].run, []
-
-    def dies(case, **settings):
-        ran.append(case.name)
-        if case.name == "small":
-            raise KeyboardInterrupt
-        yield from honest(case, **settings)
-
-    monkeypatch.setattr(KINDS["order_conditions"], "run", dies)
+    ran = []
+    watched(lambda name: (ran.append(name), dies(name)))
     for _ in range(2):
         assert study()[0] == 130
     assert ran == ["small", "z_last", "small"]
@@ -277,46 +267,34 @@ def test_every_module_that_the_study_imports_counts_as_its_source() -> None:
     assert Path("flexlink", "cli", "simulate.py").as_posix() in counted  # a case measures the time of this command
 
 
-def test_a_killed_study_loses_only_the_current_case(study, monkeypatch):
+def test_a_killed_study_loses_only_the_current_case(study, watched):
     study.case_file.with_name("a_first.toml").write_text(CASE, encoding="utf-8")
-    honest = KINDS["order_conditions"].run
-
-    def dies(case, **settings):
-        yield from honest(case, **settings)
-        if case.name == "small":
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr(KINDS["order_conditions"], "run", dies)
+    watched(after=dies)
     code, store = study()
     assert code == 130
     assert set(store.finished()) == {"a_first"}
     first = [row for row in store.rows() if row.case == "a_first"]
-    monkeypatch.setattr(KINDS["order_conditions"], "run", honest)
+    watched()
     code, store = study()
     assert code == 0
     assert [row for row in store.rows() if row.case == "a_first"] == first  # not measured again
     assert [row.case for row in store.rows()] == ["a_first", "small"]  # no duplicate rows
 
 
-def test_a_limit_that_is_never_measured_is_an_error(study, capsys):
-    study.case_file.write_text(CASE.replace("quantity.residual", "quantity.residue"), encoding="utf-8")
-    assert study()[0] == 2
-    error = capsys.readouterr().err
-    assert all(part in error for part in ("quantity.residue: ", "'order_conditions'"))
-    reviewed("unknown-quantity", error)
-
-
-@pytest.mark.parametrize(("change", "key", "id"), [
-    (('"order_conditions"', '"orders"'), "kind = 'orders'", "unknown-name"),
-    (('["RK2"]', '["RK7"]'), "method = 'RK7'", "unknown-name"),
-    (("settings.methods", "settings.method"), "settings.method = ['RK2']", "unknown-key"),
+@pytest.mark.parametrize(("change", "options", "part", "id"), [
+    (('"order_conditions"', '"orders"'), (), "kind = 'orders'", "unknown-name"),
+    (('["RK2"]', '["RK7"]'), (), "method = 'RK7'", "unknown-name"),
+    (("settings.methods", "settings.method"), (), "settings.method = ['RK2']", "unknown-key"),
+    (("settings", 'parts = "method"\nsettings'), (), "parts = 'method'", "validation: parts"),
+    (("quantity.residual", "quantity.residue"), (), "quantity.residue", "unknown-quantity"),
+    (("", ""), ("nothing*",), "case = 'nothing*'", "unknown-name"),
+    (("", ""), ("--full", "small"), "--full small", "validation: --full with cases"),
 ])  # fmt: skip
-def test_bad_settings_are_one_line_and_exit_code_2(study, capsys, change, key, id):
+def test_a_study_that_cannot_run_is_refused_in_one_line(study, capsys, change, options, part, id):
     study.case_file.write_text(CASE.replace(*change), encoding="utf-8")
-    assert study()[0] == 2
+    assert study(*options)[0] == 2
     error = capsys.readouterr().err
-    assert f"{key}: " in error
-    assert error.count("\n") == 1
+    assert f"{part}: " in error and error.count("\n") == 1
     reviewed(id, error)
 
 
@@ -331,14 +309,6 @@ def test_the_reason_for_a_missing_case_is_stored_until_it_runs(study):
     assert Results.read(store.path).missing == ()
 
 
-def test_an_unknown_case_is_named_with_the_known_ones(study, capsys):
-    assert study("nothing*")[0] == 2
-    error = capsys.readouterr().err
-    assert "case = 'nothing*': " in error
-    assert error.split()[-1] == "small"
-    reviewed("unknown-name", error)
-
-
 def test_a_full_study_runs_all_missing_cases_also_those_run_by_name(study):
     study.case_file.with_name("small_long.toml").write_text("by_name = true\n" + CASE, encoding="utf-8")
     before = study()[1].finished()
@@ -346,13 +316,6 @@ def test_a_full_study_runs_all_missing_cases_also_those_run_by_name(study):
     assert code == 0
     assert set(store.plan()) == set(store.finished()) == {"small", "small_long"}
     assert store.finished()["small"] == before["small"]
-
-
-def test_the_option_full_excludes_names_of_cases(study, capsys):
-    assert study("--full", "small")[0] == 2
-    error = capsys.readouterr().err
-    assert "--full small: " in error
-    reviewed("validation: --full with cases", error)
 
 
 def test_a_case_that_cannot_run_is_named_and_the_others_run(study, capsys):
@@ -365,11 +328,7 @@ def test_a_case_that_cannot_run_is_named_and_the_others_run(study, capsys):
 
 @pytest.mark.slow
 def test_in_parallel_a_case_that_cannot_run_does_not_stop_the_others(study, monkeypatch):
-    class Pool(futures.ThreadPoolExecutor):  # processes would not know the cases of this test
-        def __init__(self, *_, **__):
-            super().__init__(2)
-
-    monkeypatch.setattr(runner, "_pool", Pool)
+    monkeypatch.setattr(runner, "_pool", lambda *_: futures.ThreadPoolExecutor(2))  # in processes, cases differ
     for name in ("b", "c", "d"):
         study.case_file.with_name(f"{name}.toml").write_text(CASE, encoding="utf-8")
     study.case_file.write_text(CASE.replace('["RK2"]', '["RK7"]'), encoding="utf-8")
@@ -421,14 +380,6 @@ def test_each_part_of_a_case_is_stored_with_the_common_limits_and_its_own(study,
     assert study("small-RK4")[0] == 2  # but the part with this name must measure it
 
 
-def test_parts_that_are_not_a_list_of_settings_are_refused(study, capsys):
-    study.case_file.write_text(CASE.replace("settings", 'parts = "method"\nsettings', 1), encoding="utf-8")
-    assert study()[0] == 2
-    error = capsys.readouterr().err
-    assert "parts = 'method': " in error
-    reviewed("validation: parts", error)
-
-
 def test_the_full_study_runs_all_timed_kinds_and_the_short_one_those_with_limits(study, monkeypatch):
     given = []
 
@@ -470,22 +421,10 @@ def test_a_deleted_case_leaves_the_store(study):
     assert {row.case for row in study()[1].rows()} == {"small"}
 
 
-# the store
-
-
-def row(case="c", **changes):
-    values = {
-        "case": case, "kind": "k", "title": "t", "scene": "s", "engine": "native", "varied": {"method": "RK4", "n": 3},
-        "quantity": "q̈", "metric": "m", "value": 0.1, "unit": "rad", "tolerance": None, "bound": "at most",
-        "passed": None, "timed": False, "reason": "because", "note": "", "given_up": "", "seconds": 0.5, "key": "k",
-    }  # fmt: skip
-    return Row(**values | changes)
-
-
 def test_rows_read_back_exactly_and_a_truncated_last_line_is_dropped(tmp_path):
     store = Store(tmp_path)
-    store.prepare(["c"])
-    rows = [row(value=1 / 3), row(value=None, passed=False, tolerance=1e-13)]
+    store.prepare(["terms"])
+    rows = [row(value=1 / 3), row(value=None, tolerance=1e-13)]
     for each in rows:
         store.append(each)
     assert store.rows() == rows
@@ -544,19 +483,6 @@ def stored_everything(folder):
     return store
 
 
-def test_a_study_with_a_truncated_store_gives_one_line_and_exit_code_2(study, capsys):
-    _, store = study()
-    (store.path / "finished.json").write_text('{"small": {"key": "', encoding="utf-8")
-    assert study()[0] == 2
-    error = capsys.readouterr().err
-    assert "finished.json: " in error
-    reviewed("cannot-read", error)
-    assert error.count("\n") == 1
-
-
-# what was varied
-
-
 def test_varied_settings_are_described_in_words():
     facts = {"method": "RK4", "step": 1e-4, "hinges": 10, "n": 4, "steps": 10_000}
     reviewed("validation: settings in words", in_words(facts))
@@ -565,23 +491,19 @@ def test_varied_settings_are_described_in_words():
     assert in_words({"new fact": 3}) == "new fact 3"
 
 
-# correctness and speed
-
-
 QUIET, BUSY = Conditions(0.05, 0.1, cores=2), Conditions(1.9, 0.1, cores=2)
 
 
 @pytest.fixture
 def timed(study, monkeypatch):
     """The study's case with a limit on its time; the function that runs it takes the machine's conditions."""
-    kind = KINDS["order_conditions"]
-    honest = kind.run
+    honest = KIND.run
 
     def run(case, **settings):
         yield from honest(case, **settings)
         yield Measured("time", 2.0, timed=True)
 
-    monkeypatch.setattr(kind, "run", run)
+    monkeypatch.setattr(KIND, "run", run)
     monkeypatch.setattr(runner, "TIMED", {"order_conditions"})
     study.limit = 1.0
 
@@ -725,20 +647,7 @@ def test_the_store_does_not_import_engines_or_rich():
     assert shown.stdout.strip() == "[]"
 
 
-# numbers of measurements, and cases that lack their data
-
-
-ROWS = """
-kind  = "order_conditions"
-title = "a title"
-about = "a case for tests"
-settings.methods = ["RK2", "RK4"]
-
-[quantity.residual]
-metric    = "largest residual"
-tolerance = 1e-40
-reason    = "exact"
-"""
+ROWS = CASE.replace('["RK2"]', '["RK2", "RK4"]')
 
 
 @pytest.mark.parametrize(("stated", "limit"), [
@@ -753,9 +662,9 @@ def test_a_wrong_number_of_measurements_fails(study, capsys, stated, limit):
     assert [(row.quantity, row.value, row.bound, row.tolerance) for row in failed] == (
         [(f"rows of {'residual'}", 2.0, *limit)] if limit else []
     )
-    for row in failed:
-        assert f"FAILED small: {row.quantity} () = 2.0 " in shown
-        reviewed("validation: number of measurements", row.note)
+    for one in failed:
+        assert f"FAILED small: {one.quantity} () = 2.0 " in shown
+        reviewed("validation: number of measurements", one.note)
     assert re.findall(r"\d+", line(shown, "correctness:")) == (["2", "3"] if limit else ["2", "2"])
 
 

@@ -48,9 +48,6 @@ def verdicts(page: str, key: str) -> str:
     return shown
 
 
-# the first screen
-
-
 def test_the_first_screen_names_versions_date_and_machine(tmp_path: Path) -> None:
     shown = first_screen(words_of(tmp_path, row()))
     versions = ("flexlink 0.1.0", "Pinocchio 4.1.0", "MuJoCo 4.0.0", "Python 3.11.7", "numpy 2.4", "0123456789ab")
@@ -96,9 +93,6 @@ def test_the_contents_name_existing_kinds() -> None:
     assert {kind for section in sections() for kind in section.kinds} - {"*"} <= set(KINDS)
     wanted = [w for section in sections() for w in section.headline] + [w for n in contents().number for w in n.value]
     assert {want.kind for want in wanted} <= set(KINDS)
-
-
-# two verdicts
 
 
 def test_a_missed_time_limit_does_not_change_the_verdict_on_correctness(tmp_path: Path) -> None:
@@ -157,9 +151,6 @@ def test_a_damaged_reference_run_is_refused(tmp_path: Path) -> None:
 def test_the_reference_run_of_the_project_can_be_read() -> None:
     found = read()
     assert bool(found.values) == bool(found.machine)
-
-
-# incomplete and outdated results
 
 
 def killed(path: Path) -> Path:

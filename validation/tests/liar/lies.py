@@ -66,35 +66,25 @@ def decaying(run: Trajectory, size: float) -> Trajectory:
     return dataclasses.replace(run, tip=run.tip * np.exp(-size * run.t / run.t[-1])[:, None])
 
 
-def sensors(run: Trajectory, size: float) -> Trajectory:
-    """Run whose sensor columns, as a dictionary, are wrong in the middle."""
-    return WrongColumns(run, size)  # type: ignore[return-value]
+class OtherColumns:
+    """Run with changed columns; everything else is right."""
 
-
-def columns(run: Trajectory, size: float) -> Trajectory:
-    """Run whose columns are all scaled; everything else is right."""
-    return ScaledColumns(run, size)  # type: ignore[return-value]
-
-
-class ScaledColumns:
-    """Run with all columns scaled by 1 + size."""
-
-    def __init__(self, run: Trajectory, size: float) -> None:
-        self.run, self.columns = run, {name: column * (1 + size) for name, column in run.columns.items()}
+    def __init__(self, run: Trajectory, change: Callable[[Any], Any]) -> None:
+        self.run, self.columns = run, {name: change(column) for name, column in run.columns.items()}
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.run, name)
 
 
-class WrongColumns:
-    """Run with one wrong sample in every column."""
+def sensors(run: Trajectory, size: float) -> Trajectory:
+    """Run whose columns are wrong in the middle."""
+    middle = np.arange(len(run.t)) == len(run.t) // 2
+    return OtherColumns(run, lambda c: np.where(middle, c + size * np.abs(c).max(), c))  # type: ignore[return-value]
 
-    def __init__(self, run: Trajectory, size: float) -> None:
-        self.t, middle = run.t, len(run.t) // 2
-        self.columns = {
-            name: np.where(np.arange(len(run.t)) == middle, c + size * np.abs(c).max(), c)
-            for name, c in run.columns.items()
-        }
+
+def columns(run: Trajectory, size: float) -> Trajectory:
+    """Run whose columns are all scaled."""
+    return OtherColumns(run, lambda c: c * (1 + size))  # type: ignore[return-value]
 
 
 def floating(run: Trajectory, size: float) -> Trajectory:

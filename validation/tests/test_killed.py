@@ -1,8 +1,10 @@
-"""A sweep that is killed repeatedly with its workers finally has the same rows as an undisturbed sweep."""
+"""Sweeps and studies that are killed: no row is lost, no process is left, and a result is recognised as incomplete."""
 
 import os
 import signal
+import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +12,12 @@ import pytest
 
 import flexlink as fl
 from flexlink.sweeps import workers
+from reports.results import Results
 from tests.conftest import ROOT
 from tests.support.words import line, reviewed
+from validation.store import Store
 from validation.sweep_processes import cluster, counted, finish, killed_at, rows, started, until
+from validation.tests.studies import first_screen, words_from
 
 MEMBERS = 600  # enough to keep two workers busy for more than half a second
 SWEEP = """
@@ -84,3 +89,52 @@ def test_a_missing_cluster_is_refused(sweep: Path, tmp_path: Path, monkeypatch) 
     with cluster(tmp_path, 0) as (address, _), pytest.raises(fl.errors.EngineError) as empty:
         fl.sweep(sweep, dask=address)
     assert empty.value.id == "no-scheduler" and address in str(empty.value)
+
+
+WITH_A_WORKER = """
+import os, time
+from validation.runner import _pool
+if __name__ == "__main__":
+    print(_pool().submit(os.getpid).result(), flush=True)
+    time.sleep(600)
+"""
+STUDY = ("order_conditions", "judge_50_digits", "physics_roll_up", "physics_finite_chains", "pointwise")
+
+
+def runs(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    status = Path(f"/proc/{process}/stat")  # a process that has ended keeps its id until its parent waits for it
+    return not (status.exists() and status.read_text(encoding="utf-8").rpartition(")")[2].split()[0] == "Z")
+
+
+def test_workers_end_when_their_study_is_killed(tmp_path: Path) -> None:
+    script = tmp_path / "study.py"  # a worker imports what its parent ran
+    script.write_text(WITH_A_WORKER, encoding="utf-8")
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    with subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True, env=environment) as study:
+        assert study.stdout
+        worker = int(study.stdout.readline())
+        assert runs(worker)
+        study.kill()
+    end = time.monotonic() + 120.0
+    while runs(worker) and time.monotonic() < end:
+        time.sleep(0.02)
+    assert not runs(worker)
+
+
+def test_an_interrupted_study_is_reported_as_incomplete(tmp_path: Path) -> None:
+    results = tmp_path / "results"
+    command = [sys.executable, "-m", "validation", "--no-report", "--results", str(results), *STUDY]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as study:
+        assert until(lambda: bool(Store(results).rows()), study)
+        study.terminate()
+    whole, planned = set(Store(results).finished()), set(Store(results).plan())
+    assert whole < planned, "no unmeasured case is finished"
+    missing = {each.case for each in Results.read(results).missing}
+    assert missing == planned - whole
+    text = first_screen(words_from(results, tmp_path))
+    assert "Verification: INCOMPLETE" in text
+    assert all(case in text for case in missing)
