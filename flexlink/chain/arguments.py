@@ -19,17 +19,13 @@ from flexlink.kernels.tools.finite import is_finite
 FLOAT64 = np.dtype(np.float64)
 NO_WRENCH = np.zeros(6)
 CONVERSIONS = {
-    ("Scene", "Chain"): "fl.lump(scene)",
-    ("Trajectory", "Chain"): "run.chain",
-    ("ndarray", "Chain"): "the chain as first argument",
-    ("Arm", "Scene"): "fl.Scene(arm=arm, …)",
-    ("Chain", "Scene"): "the scene of the chain",
-    ("str", "Scene"): "fl.load_scene(path)",
-    ("PosixPath", "Scene"): "fl.load_scene(path)",
-    ("str", "FitProblem"): "fl.fits.FitProblem.load(path)",
+    ("Scene", "Chain"): "fl.lump(scene)", ("Trajectory", "Chain"): "run.chain",
+    ("ndarray", "Chain"): "the chain as first argument", ("Arm", "Scene"): "fl.Scene(arm=arm, …)",
+    ("Chain", "Scene"): "the scene of the chain", ("str", "Scene"): "fl.load_scene(path)",
+    ("PosixPath", "Scene"): "fl.load_scene(path)", ("str", "FitProblem"): "fl.fits.FitProblem.load(path)",
     ("PosixPath", "FitProblem"): "fl.fits.FitProblem.load(path)",
     ("Scene", "FitProblem"): "fl.fits.FitProblem(scene=scene, …)",
-}
+}  # fmt: skip
 """Advice on converting a value of one type to another, for messages."""
 
 

@@ -27,10 +27,8 @@ from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import LANES
 
 SOLVERS: dict[ForwardSolver, solvers.Solver] = {
-    "articulated": solvers.ARTICULATED,
-    "lu": solvers.LU,
-    "cholesky": solvers.CHOLESKY,
-}
+    "articulated": solvers.ARTICULATED, "lu": solvers.LU, "cholesky": solvers.CHOLESKY,
+}  # fmt: skip
 
 
 PITCH = BASE_AXES.index(1)

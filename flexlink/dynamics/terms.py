@@ -27,11 +27,8 @@ from flexlink.kernels.tools.address import bind
 from flexlink.kernels.tools.finite import is_finite
 
 MASS_ALGORITHMS = {
-    "columns": mass.mass_columns,
-    "lower": mass.mass_lower,
-    "upper": mass.mass_upper,
-    "composite": mass.mass_composite,
-}
+    "columns": mass.mass_columns, "lower": mass.mass_lower, "upper": mass.mass_upper, "composite": mass.mass_composite,
+}  # fmt: skip
 
 
 def algorithms_of(chain: Chain) -> tuple[str, ...]:

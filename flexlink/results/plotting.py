@@ -75,11 +75,9 @@ def _chosen(run: Trajectory, what: str | Sequence[str] | None) -> list[Draw]:
 
 
 COORDINATES = {
-    ("joints", "rad"): "active joints [deg]",
-    ("joints", "m"): "sliding joints [m]",
-    ("springs", "rad"): "passive joints [deg]",
-    ("springs", "m"): "springs of\nsliding joints [m]",
-}
+    ("joints", "rad"): "active joints [deg]", ("joints", "m"): "sliding joints [m]",
+    ("springs", "rad"): "passive joints [deg]", ("springs", "m"): "springs of\nsliding joints [m]",
+}  # fmt: skip
 """Labels of the panels of coordinates, by the name of the panel and the SI unit."""
 
 

@@ -161,7 +161,7 @@ def test_a_signal_at_any_time_keeps_the_samples(number, ending, moment, tmp_path
         "running": (progress.Progress, "__call__"),
         "saving": (files, "write"),
         "before the file is there": (output.Path, "replace"),
-        "drawing": (simulate, "save_plot"),
+        "drawing": (simulate.shared, "save_plot"),
         "summing up": (simulate, "_summary"),
     }[moment]
     at_first_call(monkeypatch, owner, name, number)
