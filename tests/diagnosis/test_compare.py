@@ -249,7 +249,8 @@ def test_compare_goes_on_with_the_engines_that_can_load_the_arm_and_shows_why_an
     path = tmp_path / "speck.toml"
     path.write_text(SPECK)
     assert main(["compare", str(path), "--engines", "pinocchio", "mujoco"]) == 2
-    assert "MuJoCo" in refused_line(capsys.readouterr().err, "engine-cannot-load")
+    refusal = refused_line(capsys.readouterr().err, "engine-cannot-load")
+    assert "MuJoCo" in refusal
     found = compare(fl.load_scene(path), samples=20)
     assert found.passed
     assert [diagnosis.engine for diagnosis in found.diagnoses] == ["pinocchio"]
