@@ -18,15 +18,6 @@ from flexlink.kernels.tools.finite import is_finite
 
 FLOAT64 = np.dtype(np.float64)
 NO_WRENCH = np.zeros(6)
-CONVERSIONS = {
-    ("Scene", "Chain"): "fl.lump(scene)", ("Trajectory", "Chain"): "run.chain",
-    ("ndarray", "Chain"): "the chain as first argument", ("Arm", "Scene"): "fl.Scene(arm=arm, …)",
-    ("Chain", "Scene"): "the scene of the chain", ("str", "Scene"): "fl.load_scene(path)",
-    ("PosixPath", "Scene"): "fl.load_scene(path)", ("str", "FitProblem"): "fl.fits.FitProblem.load(path)",
-    ("PosixPath", "FitProblem"): "fl.fits.FitProblem.load(path)",
-    ("Scene", "FitProblem"): "fl.fits.FitProblem(scene=scene, …)",
-}  # fmt: skip
-"""Advice on converting a value of one type to another, for messages."""
 
 
 def vector(
@@ -74,7 +65,15 @@ def require_type(name: str, value: object, kind: type[T]) -> T:
     """Return `value` if it is a `kind`, or refuse it; its message shows how to convert it, if known."""
     if not isinstance(value, kind):
         given = type(value).__name__
-        remedy = CONVERSIONS.get((given, kind.__name__), "")
+        conversions = {
+            ("Scene", "Chain"): "fl.lump(scene)", ("Trajectory", "Chain"): "run.chain",
+            ("ndarray", "Chain"): "the chain as first argument", ("Arm", "Scene"): "fl.Scene(arm=arm, …)",
+            ("Chain", "Scene"): "the scene of the chain", ("str", "Scene"): "fl.load_scene(path)",
+            ("PosixPath", "Scene"): "fl.load_scene(path)", ("str", "FitProblem"): "fl.fits.FitProblem.load(path)",
+            ("PosixPath", "FitProblem"): "fl.fits.FitProblem.load(path)",
+            ("Scene", "FitProblem"): "fl.fits.FitProblem(scene=scene, …)",
+        }  # fmt: skip
+        remedy = conversions.get((given, kind.__name__), "")
         raise ArgumentError(
             f"{name} = {truncated(value)}: expected a {kind.__name__}, got {given}{'; use ' if remedy else ''}{remedy}",
             id="wrong-type",

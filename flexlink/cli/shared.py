@@ -24,7 +24,7 @@ from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.scene import Scene
 from flexlink.describe.scene_file import load_scene
 from flexlink.dynamics.notes import defaults, notes
-from flexlink.results.files import PICTURE, ending
+from flexlink.results.files import ending
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -128,7 +128,7 @@ def require_writable(path: Path) -> None:
 def require_picture(path: Path | None) -> None:
     """Check, before results are computed, that a plot can be drawn and written."""
     if path is not None:
-        ending(path, *PICTURE)
+        ending(path, (".png", ".svg", ".pdf"), "a picture")
         require_writable(path)
         drawing_module("results.plotting")
 

@@ -79,7 +79,6 @@ def _arrays(run: RunSamples) -> dict[str, Any]:
     return found
 
 
-PICTURE = (".png", ".svg", ".pdf"), "a picture"
 TRAJECTORY = (".npz", ".csv"), "a trajectory"
 
 

@@ -340,16 +340,6 @@ def sources_of(chain: Chain, balanced: bool = True) -> Mapping[str, Source]:
     return _sources(chain.joint_names, units, active, balanced, chain.has_free_base)
 
 
-OF_A_FREE_BASE = {
-    "attitude {} [1]": ("wxyz", "base.attitude"),
-    "spin {} [rad/s]": ("xyz", "base.spin"),
-    "momentum {} [N s]": ("xyz", "base.momentum.linear"),
-    "angular momentum {} [N m s]": ("xyz", "base.momentum.angular"),
-}
-"""Columns of an arm with a free base, with the names of their components and where these are: attitude as a unit
-quaternion, angular velocity in axes of the base, momentum of all bodies in frame 0."""
-
-
 @functools.lru_cache(maxsize=64)
 def _sources(
     joints: tuple[str, ...], units: tuple[tuple[str, ...], tuple[str, ...]], active: tuple[int, ...], balanced: bool,
@@ -357,7 +347,14 @@ def _sources(
 ) -> Mapping[str, Source]:  # fmt: skip
     """Source of each column, in the order of the CSV file; runs of one layout share it."""
     balances = ("work", "imbalance") if balanced else ()  # other engines do not integrate work
-    of_base = OF_A_FREE_BASE.items() if floats else ()
+    # attitude as a unit quaternion, angular velocity in axes of the base, momentum of all bodies in frame 0
+    of_base = {
+        "attitude {} [1]": ("wxyz", "base.attitude"), "spin {} [rad/s]": ("xyz", "base.spin"),
+        "momentum {} [N s]": ("xyz", "base.momentum.linear"),
+        "angular momentum {} [N m s]": ("xyz", "base.momentum.angular"),
+    }  # fmt: skip
+    if not floats:
+        of_base = {}
     return {
         "t [s]": _of("t"),
         **{f"q {name} [{units[0][k]}]": _of("q", k) for k, name in enumerate(joints)},
@@ -366,7 +363,7 @@ def _sources(
         **{f"tip {axis} [m]": _of("tip", k) for k, axis in enumerate("xyz")},
         **{f"{name} [J]": _of(f"energy.{name}") for name in ("kinetic", "gravity", "elastic")},
         **{f"{name} [J]": _of(name) for name in balances},
-        **{name.format(axis): _of(place, k) for name, (axes, place) in of_base for k, axis in enumerate(axes)},
+        **{name.format(axis): _of(place, k) for name, (axes, place) in of_base.items() for k, axis in enumerate(axes)},
     }
 
 
