@@ -161,7 +161,8 @@ def test_lagging_friction_only_dissipates_energy(rng) -> None:
 
 def test_a_linear_model_includes_the_friction_state() -> None:
     model = fl.linearize(fl.lump(WHEELS["lag"].scene()), np.zeros(2), outputs=("joints",))
-    assert model.states == ("q wheel [rad]", "qd wheel [rad/s]", "qd wheel.lag [rad/s]")
+    states = "q wheel [rad]", "qd wheel [rad/s]", "qd wheel.lag [rad/s]"
+    assert model.states == states
     np.testing.assert_allclose(model.A[1:, 1:], RATES, rtol=1e-12)
     wanted = np.append(0.0, np.linalg.eigvals(RATES))
     np.testing.assert_allclose(np.poly(model.eigenvalues), np.poly(wanted), atol=1e-12)
