@@ -381,12 +381,13 @@ def simulated(models: Path) -> dict[str, fl.Scene]:
     )
     gyro = Sensor(name="gyro", kind="gyroscope", link="base")
     imu = Sensor(name="imu", kind="accelerometer", link=satellite.arm.links[-1].name)
+    slow = Sensor(name="slow", kind="accelerometer", link=satellite.arm.links[-1].name, low_pass=5.0)
     motion = fl.PrescribedMotion(link="upper", times=(0.0, 0.5), angle_deg=(0.0, 30.0), rate_deg=(0.0, 0.0),
                                  acceleration_deg=(0.0, 0.0))  # fmt: skip
     drive = fl.Drive(kind="pd", kp=(300.0, 300.0), kd=(30.0, 30.0), target_deg=(10.0, 20.0))
     noisy = {"sensor.gauge.noise": 3.0, "sensor.gyro.rate": 50.0, "sensor.encoder.resolution": 1e-3}
     return {
-        "free base": satellite.varied({"sensor": (gyro, imu)}),
+        "free base": satellite.varied({"sensor": (gyro, imu, slow)}),
         "motion": two_links(motion=(motion,)).varied({**steps, "run.duration": 0.2}),
         "drive": two_links(drive=drive).varied(
             {**steps, "run.step": 1e-3, "run.sample": 0.01, "run.duration": 0.2, **noisy}

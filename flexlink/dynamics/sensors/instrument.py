@@ -58,6 +58,8 @@ class Signal:
         if not first:
             self._z[0] = self._u[0][:, None] * self.chain.settled
             first = 1
+        if first == stop:
+            return
         before, Δu = slice(first - 1, stop - 1), np.diff(self._u[first - 1 : stop], axis=0)
         Φ, Γ, Ψ, which = self._transitions(np.diff(self._t[first - 1 : stop]))
         forced = self._u[before, :, None] * Γ[which, None] + Δu[..., None] * Ψ[which, None]
