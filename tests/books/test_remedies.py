@@ -140,7 +140,10 @@ def written(folder: Path, table: str, text: str) -> fl.Scene:
 
 
 ROD = make_scene(fl.Link(name="a", length=1.0, material="aluminium", section="square"), gravity=(9.81, 0.0, 0.0))
+SOFT = make_scene(flexible("a", "xyz", 2, joint=fl.Joint(locked=True), lumping="midpoint"), gravity=(0.0, 0.0, -60.0))
 WORDS = {
+    "soft": SOFT.varied({"material.aluminium": fl.Material(young=2e6, density=1000.0)}),
+    "falling": make_scene(flexible("a"), gravity=(0.0, 9.81, 0.0)),
     **{name.rpartition(".")[2]: importlib.import_module(name) for name in TABLE["modules"]},
     "fl": fl, "np": np, "flexible": flexible, "make_scene": make_scene, "command": command, "write": write,
     "robot": robot, "at_start": at_start, "turned": turned, "late": late, "problem": problem, "written": written,
