@@ -42,7 +42,7 @@ def calls(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
 
 
 def _of_modes(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
-    """Functions that have code of their own for chains whose hinges move by shapes."""
+    """Functions that have separate code for chains whose hinges move by shapes."""
     chain = fl.lump(scene)
     state = np.full((3, chain.n), 0.1)
     for name in ("forward_dynamics", "forward_dynamics_derivatives"):

@@ -16,7 +16,7 @@ from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.describe.run_settings import ForwardSolver
 from flexlink.dynamics.batches import about_state, is_batch, rows
-from flexlink.dynamics.bound import Bound, bound
+from flexlink.dynamics.bound import Bound, bound, same
 from flexlink.dynamics.forces import all_torques, world_wrench, world_wrenches
 from flexlink.kernels.bodies.plane import planar_workspace
 from flexlink.kernels.bodies.rne import rne_workspace
@@ -79,7 +79,7 @@ def forward_dynamics(
     >>> print(free[0].round(2), abs(held).max() < 1e-9)  # rad/s²
     -151.15 True
     """
-    if tip_wrench is None and frame == "world" and solver == "articulated" and type(chain) is Chain:
+    if type(chain) is Chain and tip_wrench is None and same(frame, "world") and same(solver, "articulated"):
         qdd = np.empty(chain.n)
         if articulated(chain)(NO_WRENCH, q, qd, tau, qdd) and not base_without_rates(chain, q):
             return qdd
@@ -92,7 +92,7 @@ def forward_dynamics(
     if error := base_without_rates(chain, q):
         raise error
     qdd = np.empty(n)
-    accelerations = articulated(chain) if solver == "articulated" else kernel.bound(chain.arrays)
+    accelerations = articulated(chain) if same(solver, "articulated") else kernel.bound(chain.arrays)
     if accelerations(wrench, q, qd, tau, qdd):
         return qdd
     raise _no_acceleration(chain, kernel, wrench, q, qd, tau)
@@ -175,8 +175,8 @@ def _side_by_side(chains: Sequence[Chain], solver: solvers.Solver, states: Seque
     """Return q̈, shape (b, n), for b wrenches (b, 6), and angles, rates and torques (b, n)."""
     if solver.lanes_workspace is None:
         own = [(chain, solver if chain.shapes is None else _shaped_solver(chain)) for chain in chains]
-        found, each = np.empty_like(states[1]), [kernel.bound(chain.arrays) for chain, kernel in own]
-        for k, state in enumerate(zip(*states, strict=True)):
+        found, each = np.full(states[1].shape, np.nan), [kernel.bound(chain.arrays) for chain, kernel in own]
+        for k, state in enumerate(zip(*map(np.ascontiguousarray, states), strict=True)):
             each[k % len(each)](*state, found[k])
         return found
     b = len(states[0])

@@ -25,3 +25,8 @@ def bound(make: Callable[[Chain], Bound]) -> Callable[[Chain], Bound]:
         return found
 
     return kept
+
+
+def same(given: object, name: str) -> bool:
+    """Whether an argument that may be of any type is this name."""
+    return given is name or (type(given) is str and given == name)

@@ -31,9 +31,6 @@ class Frames(Result):
         return f"<Frames: {bodies} bodies{f' in {states[0]} states' if states else ''}>"
 
 
-ORIGIN, NO_OFFSET = (0.0, 0.0, 0.0), np.zeros(3)
-
-
 def frames(chain: Chain, q: ArrayLike) -> Frames:
     """Rotation and origin of every body frame in frame 0.
 
@@ -134,7 +131,7 @@ class Jacobian(Result):
 
 
 def jacobian(
-    chain: Chain, q: ArrayLike, *, body: int = -1, tip: str | int | None = None, point: ArrayLike = ORIGIN
+    chain: Chain, q: ArrayLike, *, body: int = -1, tip: str | int | None = None, point: ArrayLike | None = None
 ) -> Jacobian:
     """Geometric Jacobian of a point on a body: its velocity v = J_v q̇ and ω = J_ω q̇, in axes of frame 0.
 
@@ -174,8 +171,8 @@ def jacobian(
     """
     if is_batch(q):
         return each(jacobian, chain, {"q": q}, body=body, tip=tip, point=point)
-    number, offset = body_number(chain, body, tip), NO_OFFSET
-    if point is not ORIGIN:
+    number, offset = body_number(chain, body, tip), np.zeros(3)
+    if point is not None:
         offset = chain.described["link"][number] @ vector("point", point, 3)
     found = np.empty((2, 3, chain.n))
     columns = jacobian_columns(chain)
@@ -189,7 +186,7 @@ def jacobian(
 def jacobian_columns(chain: Chain) -> Bound:
     """J_v and J_ω of a chain's points, a function of (body, offset, q, found)."""
     given = chain.arrays, kinematics_workspace(chain.arrays)
-    return bind(jacobian_kernel, given, 0, NO_OFFSET, np.zeros(chain.n), np.zeros((2, 3, chain.n)))
+    return bind(jacobian_kernel, given, 0, np.zeros(3), np.zeros(chain.n), np.zeros((2, 3, chain.n)))
 
 
 def body_number(chain: Chain, body: int, tip: str | int | None) -> int:

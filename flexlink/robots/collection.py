@@ -29,9 +29,9 @@ class KnownArm(Spec, frozen=True):
     tip: str | tuple[str, ...] | None = None
     """Link or links at which the arm ends. Default: all ends of the robot."""
     posture: dict[str, float] = msgspec.field(default_factory=dict)
-    """Joint positions by name [rad, m]."""
+    """Joint positions by name [rad; m for sliding joints]."""
     locked: dict[str, float] = msgspec.field(default_factory=dict)
-    """Positions of locked joints on the path, by name [rad, m]."""
+    """Positions of locked joints on the path, by name [rad; m for sliding joints]."""
     flexible: dict[str, FlexibleLink] = msgspec.field(default_factory=dict)
     """Flexible links, by name."""
 

@@ -61,7 +61,7 @@ def test_results_do_not_share_memory_with_later_calls() -> None:
         np.testing.assert_array_equal(first, kept)
 
 
-def test_variants_copies_and_pickles_have_constants_of_their_own() -> None:
+def test_variants_copies_and_pickles_have_separate_constants() -> None:
     q, qd, tau = STATES[0]
     before = fl.forward_dynamics(CHAIN, q, qd, tau)
     heavier = fl.lump(SCENE.varied({"tip.mass": 50.0}))

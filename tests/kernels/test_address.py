@@ -9,7 +9,7 @@ from flexlink.kernels.tools.address import bind, records
 
 
 def read(address: int, x: Any) -> float:
-    """A sum in which every record has a weight of its own."""
+    """A sum in which every record has another weight."""
     (flat, table, rows), scale, count, nothing, flag = records(address)
     total: float = scale * x[0] + 10 * count + 1000 * flat[1] + 1e5 * table[1, 0] + 1e7 * rows[1, 2]
     return total if flag and nothing is None else -1.0

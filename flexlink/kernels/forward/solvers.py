@@ -140,8 +140,8 @@ class Solver(NamedTuple):
 
     def accelerations(self, chain: Any, wrench: Any, q: Any, qd: Any, tau: Any) -> Any:
         """q̈ in a new array, finite or not."""
-        qdd = np.empty(len(q))
-        self.bound(chain)(wrench, q, qd, tau, qdd)
+        qdd = np.full(len(q), np.nan)
+        self.bound(chain)(*map(np.ascontiguousarray, (wrench, q, qd, tau)), qdd)
         return qdd
 
 
