@@ -151,7 +151,7 @@ def jacobian(
     tip
         Instead of the body: name or number of a link without child links, whose tip frame is used.
     point
-        The point relative to the origin of the body's frame, in axes of its link, shape (3,) [m].
+        The point relative to the origin of the body's frame, in axes of its link, shape (3,) [m]; None: the origin.
 
     Returns
     -------
