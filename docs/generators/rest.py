@@ -48,5 +48,6 @@ def prose(text: str) -> str:
 
 def _marked(text: str) -> str:
     parts = text.split("`")
-    marked = [f"``{part}``" if k % 2 else part.replace("*", r"\*").replace("|", r"\|") for k, part in enumerate(parts)]
-    return "".join(marked).replace("````", "")
+    plain = ((k, part) for k, part in enumerate(parts) if not k % 2)
+    marked = {k: part.replace("*", r"\*").replace("|", r"\|").replace("_…", r"\_…") for k, part in plain}
+    return "".join(marked.get(k, f"``{part}``") for k, part in enumerate(parts)).replace("````", "")
