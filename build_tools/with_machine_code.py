@@ -38,11 +38,9 @@ ROOT = Path(__file__).parent.parent
 
 
 def get_requires_for_build_wheel(*arguments: Any, **keywords: Any) -> list[str]:
-    """What compiling the solver takes: the packages that flexlink requires."""
-    needed = build_meta.get_requires_for_build_wheel(*arguments, **keywords)
-    if os.environ.get("FLEXLINK_COMPILE") == "no":
-        return needed
-    return [*needed, *tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]]
+    """What compiling and bundling take: the packages that flexlink requires."""
+    own = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
+    return [*build_meta.get_requires_for_build_wheel(*arguments, **keywords), *own]
 
 
 def build_wheel(*arguments: Any, **keywords: Any) -> str:

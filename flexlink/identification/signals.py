@@ -15,8 +15,8 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.variants import Variants
 from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.data import Source
-from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.batch import outcomes
+from flexlink.motion.side_by_side import Block
 from flexlink.motion.slopes_of_runs import CENTRAL, FORWARD, Places, mirrored, moved, neighbours
 from flexlink.results.stop_reasons import InterruptedRunError
 from flexlink.results.trajectory import Trajectory
@@ -54,7 +54,7 @@ class Signals:
         self._timing = [[k for k in indices if coordinates[k].timing] for indices in own]
         self._points: dict[bytes, tuple[Model, Slopes]] = {}
         self._most = KEPT
-        self._beside = 2 * max(map(len, self._own)) < LANES and not any(
+        self._beside = 2 * max(map(len, self._own)) < Block.lanes and not any(
             source.scene.run.controlled for source in sources
         )
         self._variants = [

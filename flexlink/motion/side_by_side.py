@@ -94,6 +94,8 @@ class Block:
         Samples (members, rows, n), (members, rows, 3), (members, 3, rows) and (members, rows).
     """
 
+    lanes = LANES  # most members
+
     def __init__(self, members: Sequence[Member], kept: Kept) -> None:
         problem = members[0].problem
         self.members, self.run, self.chain = members, problem.run, problem.chain

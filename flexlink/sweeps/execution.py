@@ -11,7 +11,7 @@ import msgspec
 
 from flexlink.common.errors import EngineError, FlexlinkError
 from flexlink.common.interruption import Stop
-from flexlink.kernels.tools.lanes import LANES
+from flexlink.motion.side_by_side import Block
 from flexlink.sweeps.plan import Plan, version
 from flexlink.sweeps.worker import Row, failed_row, goes_side_by_side, handshake, rows_of
 from flexlink.sweeps.workers import WorkerPool
@@ -40,7 +40,7 @@ class Execution:
         self.running: dict[Task, Numbers] = {}
         self.suspects: deque[Numbers] = deque()
         self.deaths: Counter[int] = Counter()
-        self.size = LANES
+        self.size = Block.lanes
 
     def rows(self, missing: Iterator[int]) -> Iterator[list[Row]]:
         """Rows of the missing members, task by task, in the order of completion."""
@@ -85,7 +85,7 @@ class Execution:
     def _next(self, missing: Iterator[int]) -> Numbers:
         numbers = list(islice(missing, 1))
         if numbers:
-            least = LANES if goes_side_by_side(self.plan, numbers[0]) else 1
+            least = Block.lanes if goes_side_by_side(self.plan, numbers[0]) else 1
             numbers += islice(missing, max(self.size // least, 1) * least - 1)
         return numbers
 

@@ -21,11 +21,11 @@ ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 CONTRACTS = PROJECT["tool"]["importlinter"]["contracts"]
 BARS = {
-    "layers of imports": 10, "classes": 409, "constants": 437, "public names": 76, "files of more than 500 lines": 0,
-    "functions of more than 60 lines of code": 1, "lines of contracts": 56, "lines": 72_057, "files": 430,
+    "layers of imports": 10, "classes": 405, "constants": 437, "public names": 76, "files of more than 500 lines": 0,
+    "functions of more than 60 lines of code": 1, "lines of contracts": 56, "lines": 67_800, "files": 420,
     "longest chain of imports": 34, "files that simulate imports": 149, "depth of simulate": 24,
 }  # fmt: skip
-RAISED: dict[str, tuple[int, str]] = {}
+RAISED = {"lines of contracts": (7, "fits, sweeps, reports, advice and robots call the library, not its kernels")}
 """By how much a limit may be exceeded, and the reason."""
 HOPS = 8
 """Calls from `simulate` to the equation of motion, as a debugger shows them."""
@@ -46,8 +46,8 @@ sys.setprofile(look)
 fl.simulate(scene)
 """
 FEATURES = {
-    "slides": ("slides|prismatic", 103), "couplings": ("coupl", 68), "branches": ("branch", 50),
-    "free base": ("free.base", 54), "rotation springs": ("rotation.spring", 21), "drag": ("drag", 25),
+    "slides": ("slides|prismatic", 75), "couplings": ("coupl", 54), "branches": ("branch", 36),
+    "free base": ("free.base", 32), "rotation springs": ("rotation.spring", 21), "drag": ("drag", 25),
 }  # fmt: skip
 
 
