@@ -15,7 +15,7 @@ from flexlink.common.types import Array, Indices
 from flexlink.diagnosis.joint_axes import Displacement, deviations, displaced_joints, reach, turning, undo_displacements
 from flexlink.diagnosis.matching import Match, match_joints
 from flexlink.diagnosis.mistakes import Field, _names, _short, _where, table
-from flexlink.diagnosis.shapes import Discrepancy, any_difference, fewer_digits
+from flexlink.diagnosis.patterns import Discrepancy, any_difference, fewer_digits
 from flexlink.engines.actuators import limits
 from flexlink.engines.read_back import ACTUATOR_FIELDS, AXIS_FIELDS, BODY_FIELDS, COUPLED_FIELDS, JOINT_FIELDS, ReadBack
 

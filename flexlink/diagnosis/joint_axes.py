@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from flexlink.common.products import cross
 from flexlink.common.types import Array, Indices
-from flexlink.diagnosis.shapes import TOLERANCE
+from flexlink.diagnosis.patterns import TOLERANCE
 from flexlink.engines.read_back import ReadBack
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from flexlink.common.types import Array, Indices
 from flexlink.data.documents import read_toml
 from flexlink.diagnosis import shapes
-from flexlink.diagnosis.shapes import Shape, moments
+from flexlink.diagnosis.patterns import Shape, moments
 
 
 class Field(NamedTuple):

@@ -12,7 +12,7 @@ from flexlink.motion.loop.instability import instability
 from flexlink.motion.loop.loop import Loop
 from tests.campaigns.random_loops import WRONG, judged, random_loop
 from tests.conftest import flexible, make_scene
-from tests.motion.test_delay import crane
+from tests.motion.test_drive_delay import crane
 from tests.support.words import refused
 
 FREE = (0.0, 0.0, 0.0)

@@ -12,7 +12,7 @@ from flexlink.diagnosis import shapes
 from flexlink.diagnosis.diagnosis import _missing
 from flexlink.diagnosis.differences import _differing, differences
 from flexlink.diagnosis.matching import Match
-from flexlink.diagnosis.shapes import Discrepancy
+from flexlink.diagnosis.patterns import Discrepancy
 from flexlink.engines.read_back import ReadBack, of_chain
 from tests.conftest import flexible, make_scene
 
