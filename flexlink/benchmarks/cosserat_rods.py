@@ -55,6 +55,11 @@ class FlexlinkSolver:
         n_frames
             Number of frames, evenly spaced from 0 to the scenario's duration; for an equilibrium, frames after the
             first are equal.
+
+        Raises
+        ------
+        NotImplementedError
+            The scenario has contact, several rods, or a rod that is not held at its start only.
         """
         rod = _only_rod(scenario)
         axes = _axes(rod, scenario)

@@ -128,7 +128,7 @@ def _finished(frame: Frame, scene: Scene, bodies: Records, hinges: Records, coup
 
 
 def lump_many(scenes: Sequence[Scene]) -> list[Chain | FlexlinkError]:
-    """Chain of every scene, or its error; numbers of scenes that share a frame are computed together."""
+    """Chain of every scene, bitwise equal to `lump`, or its error; those that share a frame are computed together."""
     shared: dict[int, tuple[Frame, list[int]]] = {}
     frame = None
     for k, scene in enumerate(scenes):

@@ -37,11 +37,15 @@ class Memo:
 
     def __call__(self, of: object, key: Hashable, find: Callable[[], T]) -> T:
         """Return the result kept for `of` and `key`; if there is none, call `find` and keep its result."""
-        if (kept := self.kept(of, key)) is not None:
-            return kept  # type: ignore[no-any-return]
+        slot = id(of), key
+        with self._lock:
+            if slot in self._results:
+                self._results.move_to_end(slot)
+                kept: T = self._results[slot][1]
+                return kept
         result = find()
         with self._lock:
-            self._results[id(of), key] = of, result
+            self._results[slot] = of, result
             while len(self._results) > self._size:
                 self._results.popitem(last=False)
         return result

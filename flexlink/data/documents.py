@@ -151,7 +151,7 @@ def shown_path(path: str | Path) -> str:
 
 
 def read_regular(path: Path, *, largest: int, error: type[FlexlinkError]) -> bytes:
-    """Return the bytes of a regular file of at most `largest` bytes; a pipe might block forever."""
+    """Return the bytes of a regular file of at most `largest` bytes; a pipe, which might block forever, is refused."""
     try:
         if path.exists() and not path.is_file() and not path.is_dir():  # for a folder, `open` raises a clear error
             raise OSError(errno.EINVAL, "is a pipe or a device; give a regular file")

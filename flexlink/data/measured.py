@@ -22,7 +22,7 @@ class Measured(NamedTuple):
 
 
 def read_measured(path: Path, known: Mapping[str, object], only: Sequence[str] = ()) -> Measured:
-    """Read a CSV whose headers are "t [s]" and `known` column names of a trajectory; or only some of its columns."""
+    """Read a CSV whose headers are "t [s]" and `known` column names of a trajectory; `only`: these columns."""
     _, heads, values = read_csv(path)
     return measured_from(str(path), heads, values, known, only)
 

@@ -27,7 +27,10 @@ def load(folder: str, key: str, name: str, kind: type[T]) -> T:
 
     Messages name the `key` of the scene whose value is the name.
     """
-    path = Path(absolute(name)) if is_user_file(name) else _ours(folder, name) if isinstance(name, str) else None
+    if is_user_file(name):
+        path: Path | None = Path(absolute(name))
+    else:
+        path = _ours(folder, name) if isinstance(name, str) else None
     if path is None:
         known = names(folder)
         near = did_you_mean(_called_elsewhere(folder, name) or name, known)

@@ -44,9 +44,21 @@ WITHOUT_WRENCH = tuple(name for name in QUANTITIES if "wrench" not in name)
 class Diagnosis:
     """Agreement and differences of one engine, and their causes.
 
-    `findings` are differences in what the engine has read, the largest effect first and lost digits last; for
-    flexlink's exports, they are only computed if a quantity differs. `explained` is whether native dynamics with the
-    numbers that the engine has read agree with the engine; None if not computed.
+    Attributes
+    ----------
+    engine
+        Name of the engine.
+    rows
+        Compared quantities.
+    findings
+        Differences in what the engine has read, the largest effect first and lost digits last; for flexlink's exports,
+        they are only computed if a quantity differs.
+    explained
+        Whether native dynamics with the numbers that the engine has read agree with the engine; None if not computed.
+    notes
+        Additional information.
+    left_out
+        Contents of the file that are not compared.
     """
 
     engine: str
@@ -54,7 +66,7 @@ class Diagnosis:
     findings: tuple[Finding, ...] = ()
     explained: bool | None = None
     notes: tuple[Diagnostic, ...] = ()
-    left_out: tuple[str, ...] = ()  # contents of the file that are not compared
+    left_out: tuple[str, ...] = ()
 
     @property
     def passed(self) -> bool:

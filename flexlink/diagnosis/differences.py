@@ -29,17 +29,31 @@ PLACED = 1e-11
 class Finding:
     """A difference in what an engine has read, with the mistake that explains it.
 
-    `faulty` is flexlink's record with this mistake; None if records do not contain what differs. `effect` is the
-    largest error of q̈ by this mistake alone, relative to the rounding bound; infinite if no joint is comparable.
+    Attributes
+    ----------
+    what
+        The field, the joints, the number in the file and the expected number; for a setting, its value.
+    likely, remedy
+        The likely mistake, and its remedy.
+    id
+        Stable id of the kind of difference, for example "mass-differs".
+    faulty
+        flexlink's record with this mistake; None if records do not contain what differs.
+    counts
+        Whether the difference changes simulations; otherwise it is only a note.
+    affects
+        Quantities of the equation of motion that change if only this mistake is made.
+    effect
+        Largest error of q̈ by this mistake alone, relative to the rounding bound; infinite if no joint is comparable.
     """
 
-    what: str  # the field, the joints, the number in the file and the expected number; for a setting, its value
-    likely: str  # mistake
+    what: str
+    likely: str
     remedy: str
-    id: str  # of the kind of difference, for example "mass-differs"
+    id: str
     faulty: ReadBack | None = dataclasses.field(default=None, repr=False, compare=False)
-    counts: bool = True  # whether the difference changes simulations; otherwise it is only a note
-    affects: tuple[str, ...] = ()  # quantities of the equation of motion that change if only this mistake is made
+    counts: bool = True
+    affects: tuple[str, ...] = ()
     effect: float = dataclasses.field(default=0.0, repr=False, compare=False)
 
     @property
@@ -348,5 +362,7 @@ def _shortened(field: str, diff: Discrepancy) -> NDArray[np.bool_]:
         return ~np.isin(diff.rows, displaced_joints(diff.our_record, diff.their_record, LOST))
     size = np.abs(diff.ours).reshape(len(diff.rows), -1).max(axis=1)
     near = np.asarray(diff.errors <= LOST * (reach(diff.our_record) if field == "centers" else size))
-    pairs = [(one := diff.only([k]), one._replace(ours=one.theirs, theirs=one.ours)) for k in range(len(near))]
-    return near if diff.ours.ndim > 1 else near & [any(map(fewer_digits, pair)) for pair in pairs]
+    if diff.ours.ndim > 1:
+        return near
+    each = [diff.only([k]) for k in range(len(near))]
+    return near & [fewer_digits(one) or fewer_digits(one._replace(ours=one.theirs, theirs=one.ours)) for one in each]

@@ -11,7 +11,7 @@ import numpy as np
 
 from flexlink.common.types import Array, Indices
 from flexlink.data.documents import read_toml
-from flexlink.diagnosis import shapes
+from flexlink.diagnosis import patterns
 from flexlink.diagnosis.patterns import Shape, moments
 
 
@@ -55,7 +55,7 @@ def table() -> Table:
     every = fields | {name: Field(**words) for name, words in raw["misplaced_fields"].items()}
     mistakes = list[Mistake]()
     for row in raw["mistake"]:
-        shape = getattr(shapes, row["shape"])  # or a function that returns one for the row's factors
+        shape = getattr(patterns, row["shape"])  # or a function that returns one for the row's factors
         shape = shape(*row["factors"]) if "factors" in row else shape
         mistakes += [Mistake(f, shape, row["likely"], row["remedy"], row.get("setting", "")) for f in row["fields"]]
     placed = {k: (row["id"], every[row["field"]], row["likely"], row["remedy"]) for k, row in raw["misplaced"].items()}

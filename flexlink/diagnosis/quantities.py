@@ -153,12 +153,24 @@ QUANTITIES: dict[str, Term] = {
 
 @dataclasses.dataclass(frozen=True)
 class Difference:
-    """Largest difference of a quantity between an engine and the native dynamics."""
+    """Largest difference of a quantity between an engine and the native dynamics.
+
+    Attributes
+    ----------
+    engine, quantity
+        Names of the engine and the quantity.
+    error
+        Largest error over states and joints, relative to the rounding bound.
+    joint
+        Name of the joint (for M: of the row) with the largest error.
+    worst
+        State with the largest error.
+    """
 
     engine: str
     quantity: str
-    error: float  # largest over states and joints, relative to the rounding bound
-    joint: str  # name of the joint (for M: of the row) with the largest error
+    error: float
+    joint: str
     worst: State = dataclasses.field(repr=False, compare=False)
 
     @property

@@ -81,7 +81,7 @@ def forward_dynamics(
     """
     if type(chain) is Chain and tip_wrench is None and same(frame, "world") and same(solver, "articulated"):
         qdd = np.empty(chain.n)
-        if articulated(chain)(NO_WRENCH, q, qd, tau, qdd) and not base_without_rates(chain, q):
+        if accelerations(chain)(NO_WRENCH, q, qd, tau, qdd) and not base_without_rates(chain, q):
             return qdd
     if not isinstance(chain, Chain) or is_batch(q, qd, tau):
         chains = _of_one_layout(chain)
@@ -92,16 +92,15 @@ def forward_dynamics(
     if error := base_without_rates(chain, q):
         raise error
     qdd = np.empty(n)
-    accelerations = articulated(chain) if same(solver, "articulated") else kernel.bound(chain.arrays)
-    if accelerations(wrench, q, qd, tau, qdd):
+    if accelerations(chain, solver)(wrench, q, qd, tau, qdd):
         return qdd
     raise _no_acceleration(chain, kernel, wrench, q, qd, tau)
 
 
 @bound
-def articulated(chain: Chain) -> Bound:
-    """Forward dynamics of a chain by the articulated-body algorithm, a function of (wrench, q, qd, tau, qdd)."""
-    return solver_for(chain, "articulated").bound(chain.arrays)
+def accelerations(chain: Chain, solver: str = "articulated") -> Bound:
+    """Forward dynamics of a chain by a solver, a function of (wrench, q, qd, tau, qdd)."""
+    return solver_for(chain, solver).bound(chain.arrays)
 
 
 def base_without_rates(chain: Chain, q: ArrayLike) -> FlexlinkError | None:

@@ -12,19 +12,25 @@ Bound = Callable[..., bool]
 Only then does the caller check what is wrong."""
 
 
-def bound(make: Callable[[Chain], Bound]) -> Callable[[Chain], Bound]:
-    """Decorate a function that binds a kernel to a chain, so that each chain keeps the result."""
+def bound(make: Callable[..., Bound]) -> Callable[..., Bound]:
+    """Decorate a function that binds a kernel to a chain, so that each chain keeps the result for each name given."""
     name = f"bound {make.__name__}"
 
     @functools.wraps(make)
-    def kept(chain: Chain) -> Bound:
-        known = chain.__dict__
-        if name not in known:
-            known[name] = make(chain)
-        found: Bound = known[name]
+    def kept(chain: Chain, *names: str) -> Bound:
+        known, key = chain.__dict__, " ".join((name, *names)) if names else name
+        if key not in known:
+            known[key] = make(chain, *names)
+        found: Bound = known[key]
         return found
 
     return kept
+
+
+def unbind(chain: Chain) -> None:
+    """Forget all bound functions of a chain whose numbers change: their scratch contains some of these."""
+    for key in [key for key in vars(chain) if key.startswith("bound ")]:
+        del vars(chain)[key]
 
 
 def same(given: object, name: str) -> bool:

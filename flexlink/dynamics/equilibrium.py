@@ -196,9 +196,10 @@ def static_postures(chain: Chain, angles: Array) -> Array:
             rest = angles[found:], q.copy(), postures[found:]
             found += follow_equilibria(chain.arrays, held, free, *rest)
             q = postures[found - 1].copy()
-    for i, decimals in known_decimals(chain, q, free, np.zeros(chain.n), np.zeros(6)) if chain.shapes is None else ():
-        bent = postures[:, i] - chain.rest[i]
-        postures[:, i] = chain.rest[i] + [round(each, decimals) for each in bent.tolist()]
+    if chain.shapes is None:
+        for i, decimals in known_decimals(chain, q, free, np.zeros(chain.n), np.zeros(6)):
+            bent = postures[:, i] - chain.rest[i]
+            postures[:, i] = chain.rest[i] + [round(each, decimals) for each in bent.tolist()]
     return postures
 
 

@@ -23,6 +23,7 @@ from flexlink.chain.rigid import (
     rates_matrices,
 )  # fmt: skip
 from flexlink.common.types import Array
+from flexlink.dynamics.bound import unbind
 from flexlink.kernels.forward.articulated_rows import BODY_ROW
 from flexlink.kernels.forward.mass_plus_shapes import ShapedPosture
 
@@ -49,6 +50,7 @@ class FloatingBase:
         """Reset to the start of a run."""
         self.attitude, self.references = self.start, [(0, self.start)]
         self._rotation[...] = self.original.bodies["rotation"][BODY]
+        unbind(self.chain)
 
     def turn(self, row: int, q: Array, qd: Array, *scratch: Any) -> None:
         """Use the base's present attitude as the reference from sample `row` on; updates q, q̇ and the workspace."""
@@ -66,6 +68,7 @@ class FloatingBase:
             self._rotation[...] = matrix_from_quaternion(attitude.tolist())
         else:
             self._rotation[...] = self.original.bodies["rotation"][BODY]
+        unbind(self.chain)
         for rows in map(rows_of, scratch):
             if rows is not None:
                 rows[BODY, BODY_ROW.mount : BODY_ROW.mount + 9] = self._rotation.T.ravel()

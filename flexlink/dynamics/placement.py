@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import integer, require_type, vector
+from flexlink.chain.arguments import beyond_float64, integer, require_type, vector
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.dynamics.batches import each, is_batch, rows
@@ -100,8 +100,8 @@ def tip_position(chain: Chain, q: ArrayLike, *, tip: str | int | None = None) ->
     number = body_number(chain, -1, tip)
     if not is_batch(q):
         found, place = np.empty(3), points(chain)
-        if not place(number, q, found):
-            place(number, vector("q", q, chain.n, many=True), found)
+        if not place(number, q, found) and not place(number, vector("q", q, chain.n, many=True), found):
+            raise beyond_float64("a position", q=q)
         return found
     if number != len(chain.bodies) - 1:
         return np.asarray(frames(chain, q).points[..., number, :])
@@ -177,7 +177,9 @@ def jacobian(
     found = np.empty((2, 3, chain.n))
     columns = jacobian_columns(chain)
     if not columns(number, offset, q, found):
-        columns(number, offset, vector("q", q, chain.n, many=True), found)
+        q = vector("q", q, chain.n, many=True)
+        if not columns(number, offset, q, found):
+            raise beyond_float64("a position", q=q)
     found.setflags(write=False)  # also makes its parts read-only
     return Jacobian(found[0], found[1])
 

@@ -20,13 +20,25 @@ from flexlink.pages.tables import Cell, Table
 
 
 class Change(NamedTuple):
-    """Expected standard deviation of a parameter before and after an experiment."""
+    """Expected standard deviation of a parameter before and after an experiment.
+
+    Attributes
+    ----------
+    name, unit
+        The parameter, and the unit of its value.
+    log
+        Whether its logarithm is estimated; intervals are then given in percent.
+    size
+        Change of the value per unit of the deviations.
+    before, after
+        Standard deviations of its coordinate; inf if it is not identifiable.
+    """
 
     # name, unit: the parameter, and the unit of its value
     name: str
     unit: str
-    log: bool  # whether its logarithm is estimated; intervals are then given in percent
-    size: float  # change of the value per unit of the deviations
+    log: bool
+    size: float
     # before, after: standard deviations of its coordinate; inf if it is not identifiable
     before: float
     after: float

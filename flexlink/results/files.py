@@ -163,13 +163,14 @@ def _fields(arrays: Mapping[str, Any]) -> dict[str, Any]:
     check_samples(arrays, chain.n)
     texts, base = arrays["warnings"].tolist(), None
     ids = arrays["warning_ids"].tolist() if "warning_ids" in arrays else [""] * len(texts)  # none in older versions
+    warnings = tuple(Diagnostic(*each) for each in zip(texts, ids, strict=True))
     if "attitude" in arrays:
         momentum = Momentum(*(arrays[f"momentum_{name}"] for name in Momentum._fields))
         base = BaseMotion(arrays["attitude"], arrays["spin"], momentum)
     return dict(
         chain=chain, **{name: arrays[name] for name in ("t", "q", "qd", "tip", "tip_wrench")},
         drive_torques=arrays["tau"], energy=Energy(arrays["kinetic"], arrays["gravity"], arrays["elastic"]),
-        work=arrays.get("work"), warnings=tuple(map(Diagnostic, texts, ids)), steps=convert(steps, Steps | None),
+        work=arrays.get("work"), warnings=warnings, steps=convert(steps, Steps | None),
         scene=scene, base=base,
         **({"delayed": arrays["delayed"]} if "delayed" in arrays else {}),
         stated=_stated(arrays) if "error" in arrays else None,

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import flexlink as fl
+from flexlink.dynamics.floating_base import FloatingBase
 
 SCENE = fl.load_scene(Path(__file__).parents[2] / "models" / "t3_spatial.toml")
 CHAIN = fl.lump(SCENE)
@@ -42,6 +43,25 @@ def test_wrong_states_are_named_as_ever(name: str, wrong: Any) -> None:
     OF_A_STATE[name](CHAIN, STATES[0])
     with pytest.raises(fl.errors.ArgumentError, match=r"^q"):
         OF_A_STATE[name](CHAIN, wrong)
+
+
+@pytest.mark.parametrize("name", OF_A_STATE)
+@pytest.mark.parametrize("empty", [[[], [], []], np.zeros((3, 0))])
+def test_empty_states_are_named(name: str, empty: Any) -> None:
+    with pytest.raises(fl.errors.ArgumentError, match=r"^q has shape"):
+        OF_A_STATE[name](CHAIN, empty)
+
+
+def test_a_chain_whose_base_turns_forgets_what_was_bound() -> None:
+    satellite = fl.lump(fl.load_scene(Path(__file__).parents[2] / "models" / "satellite.toml"))
+    base, q = FloatingBase(satellite), np.zeros(satellite.n)
+    before = fl.tip_position(base.chain, q)
+    turned = np.array([np.cos(0.5), 0.0, 0.0, np.sin(0.5)])
+    base.take(turned)
+    assert abs(fl.tip_position(base.chain, q) - before).max() > 1e-3
+    rates = np.ones(satellite.n)
+    slow = fl.forward_dynamics(base.chain, q, rates, rates, tip_wrench=np.zeros(6))
+    np.testing.assert_array_equal(fl.forward_dynamics(base.chain, q, rates, rates), slow)
 
 
 @pytest.mark.parametrize("name", OF_A_STATE)

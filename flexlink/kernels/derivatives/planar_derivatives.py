@@ -72,11 +72,8 @@ class OneState(NamedTuple):
 def planar_derivatives_workspace(chain):
     """Scratch of `derivatives_in_plane` for a chain."""
     n, planar = len(chain.hinges), planar_workspace(chain.bodies, chain.hinges, chain.gravity, chain.rare)
-    posture, lanes, weights = (
-        levers_alone(planar, np.empty((2, n, 2))),
-        np.empty((6, n, LANES)),
-        np.zeros((2, 9, LANES)),
-    )
+    posture, lanes = levers_alone(planar, np.empty((2, n, 2))), np.empty((6, n, LANES))
+    weights = np.zeros((2, LANES + 1, LANES))
     columns = PlanarDerivativesWork(posture, np.empty((n, ROW.size)), weights[0], weights[1], lanes[:3], lanes[3:])
     return OneState(planar, np.empty((2, n)), columns, force_slopes_of(chain, planar.forces))
 

@@ -16,6 +16,7 @@ from typing import Any
 import numba
 import numpy as np
 from numba import types
+from numba.core.registry import cpu_target
 from numba.extending import intrinsic
 
 from flexlink.kernels.tools.compiler import entry_under_lock
@@ -46,9 +47,17 @@ def bind(kernel: Callable[..., Any], given: tuple[Any, ...], *example: Any) -> C
         return functools.partial(_with_records(kernel, lambda address: given, ""), 0)
     key = kernel, types_of(given), types_of(example)
     memory = np.array([*words(given)], np.int64)
+    address = memory.ctypes.data
     if key not in _BOUND:
-        _BOUND[key] = _compiled(kernel, numba.typeof(given), memory.ctypes.data, example)
-    call = functools.partial(_BOUND[key], memory.ctypes.data)
+        _BOUND[key] = _compiled(kernel, numba.typeof(given), memory, example)
+    compiled = _BOUND[key]
+
+    def call(*arguments: Any) -> Any:
+        try:
+            return compiled(address, *arguments)
+        except ValueError:  # there is no type of an empty list
+            return False
+
     call.kept = given, memory  # type: ignore[attr-defined]
     return call
 
@@ -61,9 +70,7 @@ def words(given: Any) -> Iterator[int]:
     if isinstance(given, tuple):
         for each in given:
             yield from words(each)
-    elif isinstance(
-        given, np.ndarray
-    ):  # neither counted (0, 0) nor owned; size, bytes of an item, data, shape, strides
+    elif isinstance(given, np.ndarray):  # counted by nobody, owned by nobody, size, bytes of an item, place, …
         place = given.__array_interface__["data"][0]
         yield from (0, 0, given.size, given.itemsize, place, *given.shape, *given.strides)
     elif isinstance(given, float):
@@ -72,11 +79,14 @@ def words(given: Any) -> Iterator[int]:
         yield 0 if given is None else int(given)
 
 
-def _compiled(kernel: Callable[..., Any], given: types.Type, address: int, example: tuple[Any, ...]) -> Any:
-    """Compile a kernel for records of this type; with other arguments it returns False."""
+def _compiled(kernel: Callable[..., Any], given: types.Type, memory: Any, example: tuple[Any, ...]) -> Any:
+    """Compile a kernel for records of this type, which are in `memory`; with other arguments it returns False."""
+    target = cpu_target.target_context
+    if target.get_abi_sizeof(target.get_value_type(given)) != memory.nbytes:
+        raise TypeError(f"{kernel.__name__}: its records do not consist of words of 8 bytes")
     name = f"{kernel.__qualname__}-{hashlib.sha256(str(given).encode()).hexdigest()[:16]}"
     compiled = entry_under_lock(_with_records(kernel, _load(given), name))
-    compiled(address, *example)
+    compiled(memory.ctypes.data, *example)
     compiled._compile_for_args = lambda *arguments: _refused
     return compiled
 

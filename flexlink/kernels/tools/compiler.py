@@ -121,7 +121,7 @@ def by_type(algorithms: dict[type, Any]) -> Callable[[Callable[..., Any]], Calla
             return algorithms[type(arguments[-1])](*arguments)
 
         choose(call, algorithms)
-        call.algorithms = algorithms  # type: ignore[attr-defined]
+        call.algorithms = algorithms  # type: ignore[attr-defined]  # for the test of the rehearsal
         return call
 
     return decorate
