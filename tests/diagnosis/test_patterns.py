@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flexlink as fl
-from flexlink.diagnosis import shapes
+from flexlink.diagnosis import patterns
 from flexlink.diagnosis.diagnosis import _missing
 from flexlink.diagnosis.differences import _differing, differences
 from flexlink.diagnosis.matching import Match
@@ -39,22 +39,22 @@ def fields(theirs: ReadBack) -> list[str]:
 def test_patterns_of_differences_match_up_to_rounding_only(apart: float, same: bool) -> None:
     ours = [1.0, 3.0, 2.0]
     twice = [2.0, 6.0 * (1 + apart), 4.0]
-    assert shapes.scaled_by(2.0)(seen(ours, twice)) == same
-    assert shapes.proportional(seen(ours, twice)) == same
-    assert shapes.permuted(seen(ours, [3.0, 1.0 + apart, 2.0])) == same
+    assert patterns.scaled_by(2.0)(seen(ours, twice)) == same
+    assert patterns.proportional(seen(ours, twice)) == same
+    assert patterns.permuted(seen(ours, [3.0, 1.0 + apart, 2.0])) == same
 
 
 def test_patterns_of_differences_match_their_names() -> None:
     nothing = [0.0, 0.0]
-    assert shapes.all_zero(seen([1.0, 2.0], nothing))
-    assert not shapes.all_zero(seen([1.0, 2.0], [0.0, 1.0]))
-    assert shapes.none_expected(seen(nothing, [0.0, 1.0]))
-    assert not shapes.none_expected(seen([0.0, 1.0], [0.0, 1.0]))
-    assert shapes.all_larger(seen([1.0, 2.0], [1.1, 2.1]))
-    assert not shapes.all_larger(seen([1.0, 2.0], [1.1, 1.9]))
-    assert not shapes.all_larger(seen([1.0, 2.0], [1.0 + 1e-15, 2.0]))
-    assert shapes.fewer_digits(seen([1.23456, 0.98765], [1.23, 0.988]))
-    assert not shapes.fewer_digits(seen([1.23456, 0.98765], [1.23, 0.98]))
+    assert patterns.all_zero(seen([1.0, 2.0], nothing))
+    assert not patterns.all_zero(seen([1.0, 2.0], [0.0, 1.0]))
+    assert patterns.none_expected(seen(nothing, [0.0, 1.0]))
+    assert not patterns.none_expected(seen([0.0, 1.0], [0.0, 1.0]))
+    assert patterns.all_larger(seen([1.0, 2.0], [1.1, 2.1]))
+    assert not patterns.all_larger(seen([1.0, 2.0], [1.1, 1.9]))
+    assert not patterns.all_larger(seen([1.0, 2.0], [1.0 + 1e-15, 2.0]))
+    assert patterns.fewer_digits(seen([1.23456, 0.98765], [1.23, 0.988]))
+    assert not patterns.fewer_digits(seen([1.23456, 0.98765], [1.23, 0.98]))
 
 
 def test_the_default_inertia_of_drake_is_a_ball_of_water() -> None:
@@ -65,7 +65,7 @@ def test_the_default_inertia_of_drake_is_a_ball_of_water() -> None:
     where = np.array([0])
     for moment, is_ball in ((0.016755160819145562, True), (0.02792526803190927, False)):  # 2/3 m r²: a hollow ball
         theirs = moment * np.eye(3)[None]
-        assert shapes.water_sphere(Discrepancy(record().inertias[where], theirs, where, record(), them)) == is_ball
+        assert patterns.water_sphere(Discrepancy(record().inertias[where], theirs, where, record(), them)) == is_ball
 
 
 def test_a_record_does_not_differ_from_itself() -> None:
