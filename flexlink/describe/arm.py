@@ -97,7 +97,6 @@ class Arm(Spec, frozen=True):
             "material": self.materials, "section": self.sections, "rigidity": self.rigidities
         }  # fmt: skip
         for k, link in enumerate(self.links, 1):
-            path = self.path(k)
             if link.name in seen:
                 yield Diagnostic(f"link.{k}.name = {link.name!r}: names of links must differ", "name-twice")
             if link.on and link.on != BASE and link.on not in seen:
@@ -105,25 +104,25 @@ class Arm(Spec, frozen=True):
                 later = link.on in {each.name for each in self.links}
                 meant = "; a parent comes before its child" if later else did_you_mean(link.on, before)
                 text = f"no earlier link in the list; allowed are {', '.join(before)}{meant}"
-                yield Diagnostic(f"{path}.on = {link.on!r}: {text}", "unknown-name")
+                yield Diagnostic(f"{self.path(k)}.on = {link.on!r}: {text}", "unknown-name")
             seen.add(link.name)
             if link.joint.name or not link.joint.locked:
                 other = joints.setdefault(link.joint_name, link)
                 if other is not link and (link.joint.name or other.joint.name):
-                    what = f"{path}.joint.name = {link.joint_name!r}: the joint of {other.name!r}"
+                    what = f"{self.path(k)}.joint.name = {link.joint_name!r}: the joint of {other.name!r}"
                     yield Diagnostic(f"{what} has this name; names must differ", "name-twice")
             for key in ("material", "section", "section_tip", "rigidity"):
                 name, kind = getattr(link, key), key.partition("_")[0]
                 if name is not None and name not in tables[kind]:
                     meant = did_you_mean(name, tables[kind]) or f"; define [{kind}.{name}]"
                     text = f"not defined; defined are {', '.join(tables[kind]) or 'none'}{meant}"
-                    yield Diagnostic(f"{path}.{key} = {name!r}: {text}", "unknown-name")
+                    yield Diagnostic(f"{self.path(k)}.{key} = {name!r}: {text}", "unknown-name")
             yield from self._wrong_table(k, link)
             yield from self._wrong_drag(k, link)
             shapes = [self.sections[n].shape for n in (link.section, link.section_tip) if n in self.sections]
             if len(set(shapes)) > 1:
                 text = f"is a {shapes[1]}, but {link.section!r} a {shapes[0]}"
-                yield Diagnostic(f"{path}.section_tip = {link.section_tip!r}: {text}", "section-shapes-differ")
+                yield Diagnostic(f"{self.path(k)}.section_tip = {link.section_tip!r}: {text}", "section-shapes-differ")
         if len({link.dh.convention for link in self.links if link.dh is not None}) > 1:
             yield Diagnostic("link.dh.convention: differs between links; use only one", "dh-conventions-differ")
         yield from self._wrong_law()

@@ -396,9 +396,8 @@ def scene_from(
     except SceneError:
         raise_together(_mistakes(raw, kept, required))
         raise
-    return build_validated(
-        Scene, arm=arm, **{key: value for key, value in values.items() if key in FIELDS.keys() - OF_ARM.keys()}
-    )
+    of_scene = FIELDS.keys() - OF_ARM.keys()
+    return build_validated(Scene, arm=arm, **{key: value for key, value in values.items() if key in of_scene})
 
 
 def _arm_of(values: Mapping[str, Any]) -> Arm:

@@ -5,6 +5,7 @@ Messages name the path, the value and what is allowed. `wrong_lists` yields all 
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator, Mapping, Sequence
 
 from flexlink.common.errors import ArgumentError, Diagnostic, SceneError
@@ -19,18 +20,16 @@ from flexlink.describe.joint_units import OF_JOINT, misplaced
 from flexlink.describe.numbers import whole
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.run_settings import RunSettings, check_method
-from flexlink.describe.spec import check_all, fields_of, is_per_link, link_key
+from flexlink.describe.spec import Spec, check_all, fields_of, is_per_link, link_key
 
 
 def wrong_lists(arm: Arm, initial: InitialState, drive: Drive) -> Iterator[Diagnostic]:
     """Mistakes in lists of one number per link: wrong length, nonzero for a locked joint, or wrong unit."""
     links = arm.links
     reference = drive.reference.per_link if drive.reference is not None else {}
+    parts: dict[str, InitialState | Drive] = {"initial": initial, "drive": drive}
     per_link: dict[str, tuple[float, ...] | None] = {
-        f"{path}.{field.name}": getattr(part, field.name)
-        for path, part in (("initial", initial), ("drive", drive))
-        for field in fields_of(type(part))
-        if is_per_link(field.type)
+        f"{path}.{name}": getattr(part, name) for path, part in parts.items() for name in _lists_of(type(part))
     }
     per_link |= {f"drive.torques[{k}]": row for k, row in enumerate(drive.torques or ())}
     per_link |= {f"drive.reference.{key}": row for key, row in reference.items() if len(row) == len(links)}
@@ -54,6 +53,12 @@ def wrong_lists(arm: Arm, initial: InitialState, drive: Drive) -> Iterator[Diagn
     if drive.controls and not reference:
         yield from _missing_targets(arm, drive)
     yield from drive.unknown_links([link.name for link in links])
+
+
+@functools.cache
+def _lists_of(kind: type[Spec]) -> tuple[str, ...]:
+    """Names of the fields that are lists of one number per link."""
+    return tuple(field.name for field in fields_of(kind) if is_per_link(field.type))
 
 
 def _missing_targets(arm: Arm, drive: Drive) -> Iterator[Diagnostic]:

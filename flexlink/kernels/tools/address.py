@@ -71,8 +71,7 @@ def words(given: Any) -> Iterator[int]:
         for each in given:
             yield from words(each)
     elif isinstance(given, np.ndarray):  # counted by nobody, owned by nobody, size, bytes of an item, place, …
-        place = given.__array_interface__["data"][0]
-        yield from (0, 0, given.size, given.itemsize, place, *given.shape, *given.strides)
+        yield from (0, 0, given.size, given.itemsize, given.ctypes.data, *given.shape, *given.strides)
     elif isinstance(given, float):
         yield int(np.float64(given).view(np.int64))
     else:
