@@ -22,7 +22,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 CONTRACTS = PROJECT["tool"]["importlinter"]["contracts"]
 BARS = {
     "layers of imports": 10, "classes": 405, "constants": 437, "public names": 76, "files of more than 500 lines": 0,
-    "functions of more than 60 lines of code": 1, "lines of contracts": 56, "lines": 67_872, "files": 420,
+    "functions of more than 60 lines of code": 1, "lines of contracts": 56, "lines": 67_880, "files": 420,
     "longest chain of imports": 34, "files that simulate imports": 149, "depth of simulate": 24,
 }  # fmt: skip
 RAISED = {"lines of contracts": (7, "fits, sweeps, reports, advice and robots call the library, not its kernels")}

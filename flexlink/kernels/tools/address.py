@@ -16,11 +16,10 @@ from typing import Any
 import numba
 import numpy as np
 from numba import types
-from numba.core.registry import cpu_target
 from numba.extending import intrinsic
 
 from flexlink.kernels.tools.compiler import entry_under_lock
-from flexlink.kernels.tools.machine_code import types_of
+from flexlink.kernels.tools.machine_code import size_of, types_of
 
 
 def records(address: int) -> Any:
@@ -70,7 +69,7 @@ def words(given: Any) -> Iterator[int]:
     if isinstance(given, tuple):
         for each in given:
             yield from words(each)
-    elif isinstance(given, np.ndarray):  # counted by nobody, owned by nobody, size, bytes of an item, place, …
+    elif isinstance(given, np.ndarray):  # no reference count, no owner, size, bytes of an item, place, …
         yield from (0, 0, given.size, given.itemsize, given.ctypes.data, *given.shape, *given.strides)
     elif isinstance(given, float):
         yield int(np.float64(given).view(np.int64))
@@ -80,8 +79,7 @@ def words(given: Any) -> Iterator[int]:
 
 def _compiled(kernel: Callable[..., Any], given: types.Type, memory: Any, example: tuple[Any, ...]) -> Any:
     """Compile a kernel for records of this type, which are in `memory`; with other arguments it returns False."""
-    target = cpu_target.target_context
-    if target.get_abi_sizeof(target.get_value_type(given)) != memory.nbytes:
+    if size_of(given) != memory.nbytes:
         raise TypeError(f"{kernel.__name__}: its records do not consist of words of 8 bytes")
     name = f"{kernel.__qualname__}-{hashlib.sha256(str(given).encode()).hexdigest()[:16]}"
     compiled = entry_under_lock(_with_records(kernel, _load(given), name))

@@ -82,6 +82,12 @@ def types_of(*arguments: Any) -> bytes:
     return b"" if numba.config.DISABLE_JIT else bytes(compute_fingerprint(arguments))
 
 
+def size_of(kind: Any) -> int:
+    """Number of bytes of a value of a Numba type in memory."""
+    target = cpu_target.target_context
+    return int(target.get_abi_sizeof(target.get_value_type(kind)))
+
+
 _FOUND: dict[tuple[Any, bytes], Callable[..., Any]] = {}
 
 
