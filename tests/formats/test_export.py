@@ -23,7 +23,7 @@ from flexlink.engines.mujoco import MujocoEngine
 from flexlink.engines.pinocchio import PinocchioEngine
 from flexlink.errors import ArgumentError, SingularMassError
 from flexlink.formats import FORMATS
-from flexlink.formats.document import decimals, unique
+from flexlink.formats.document import decimals, unique, xml_joint_names
 from tests.conftest import ALUMINIUM, MODELS, ROOT, chain_of, flexible, make_scene, nasty_scene
 from tests.support.words import refused
 
@@ -52,6 +52,7 @@ def test_colliding_names_get_different_suffixes(engine: str) -> None:
     names = ("upper", "upper.1.z", "universe", "world", "tip", "base_link", "tip_joint")
     chain = fl.lump(make_scene(*(flexible(name, segments=2) for name in names)))
     assert load(engine, chain).n == chain.n == 2 * len(names)
+    assert "universe" not in xml_joint_names(chain), "Pinocchio's root has this name"
 
 
 def test_roll_pitch_yaw_are_exact_near_and_at_a_pitch_of_90_degrees(rng: np.random.Generator) -> None:
