@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import copyreg
+import importlib
 import signal
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, Self
 
 if TYPE_CHECKING:
@@ -236,3 +238,13 @@ def how_to_install(what: str) -> str:
     packages = by_conda.get(what, what)
     also = f", or with: conda install -c conda-forge {packages}" if packages else ""
     return f"python -m pip install {by_pip}{also}"
+
+
+def imported(name: str, needs: str, extra: str) -> ModuleType:
+    """Import a module that is needed only here; `extra` is the part of flexlink that installs what it needs."""
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise MissingDependencyError(
+            f"{needs} install it with: {how_to_install(extra)}", id="package-missing"
+        ) from None

@@ -79,11 +79,12 @@ def forward_dynamics(
     >>> print(free[0].round(2), abs(held).max() < 1e-9)  # rad/s²
     -151.15 True
     """
-    if type(chain) is Chain and tip_wrench is None and same(frame, "world") and same(solver, "articulated"):
+    batch, usual = is_batch(q, qd, tau), same(solver, "articulated")
+    if not batch and usual and type(chain) is Chain and tip_wrench is None and same(frame, "world"):
         qdd = np.empty(chain.n)
         if accelerations(chain)(NO_WRENCH, q, qd, tau, qdd) and not base_without_rates(chain, q):
             return qdd
-    if not isinstance(chain, Chain) or is_batch(q, qd, tau):
+    if not isinstance(chain, Chain) or batch:
         chains = _of_one_layout(chain)
         return _forward_dynamics_of_many(chains, solver_for(chains[0], solver), tip_wrench, frame, q, qd, tau)
     n, kernel = chain.n, solver_for(chain, solver)
@@ -92,7 +93,8 @@ def forward_dynamics(
     if error := base_without_rates(chain, q):
         raise error
     qdd = np.empty(n)
-    if accelerations(chain, solver)(wrench, q, qd, tau, qdd):
+    by_solver = accelerations(chain) if usual else accelerations(chain, solver)
+    if by_solver(wrench, q, qd, tau, qdd):
         return qdd
     raise _no_acceleration(chain, kernel, wrench, q, qd, tau)
 

@@ -90,12 +90,13 @@ def inverse_dynamics_derivatives(
     >>> print(slopes.dq[0, 0].round(2))  # N m/rad: change of the holding torque with the first angle
     -9.3
     """
-    if type(chain) is Chain and tip_wrench is None and same(frame, "world"):
+    batch = is_batch(q, qd, qdd)
+    if not batch and type(chain) is Chain and tip_wrench is None and same(frame, "world"):
         found = np.empty((3, chain.n, chain.n))
         if inverse_derivatives(chain)(NO_WRENCH, q, qd, qdd, found):
             found.setflags(write=False)
             return InverseDerivatives(found[0], found[1], found[2])
-    if is_batch(q, qd, qdd):
+    if batch:
         state = {"q": q, "qd": qd, "qdd": qdd}
         write = functools.partial(inverse_derivatives_of_many, require_type("chain", chain, Chain).arrays)
         many = _of_many(write, chain.n, state, tip_wrench, frame)
@@ -158,12 +159,13 @@ def forward_dynamics_derivatives(
     >>> print(slopes.dq.shape, np.allclose(slopes.dtau @ M, np.eye(chain.n)))
     (6, 6) True
     """
-    if type(chain) is Chain and chain.shapes is None and tip_wrench is None and same(frame, "world"):
+    batch = is_batch(q, qd, tau)
+    if not batch and type(chain) is Chain and chain.shapes is None and tip_wrench is None and same(frame, "world"):
         found = np.empty((3, chain.n, chain.n))
         if forward_derivatives(chain)(NO_WRENCH, q, qd, tau, found):
             found.setflags(write=False)  # also makes its parts read-only
             return ForwardDerivatives(found[0], found[1], found[2])  # twice as fast as `*found`
-    if is_batch(q, qd, tau):
+    if batch:
         state, many = {"q": q, "qd": qd, "tau": tau}, None
         if not require_type("chain", chain, Chain).forces and chain.shapes is None:
             write = functools.partial(forward_derivatives_of_many, chain.arrays)

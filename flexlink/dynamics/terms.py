@@ -72,12 +72,13 @@ def inverse_dynamics(
     >>> print(torque.round(2) + 0.0)  # N m; equilibrium: zero at hinges with springs
     [77.6   0.    0.   30.31  0.    0.  ]
     """
-    if type(chain) is Chain and tip_wrench is None and same(frame, "world"):
+    batch = is_batch(q, qd, qdd)
+    if not batch and type(chain) is Chain and tip_wrench is None and same(frame, "world"):
         tau = np.empty(chain.n)
         if newton_euler(chain)(NO_WRENCH, q, qd, qdd, tau):
             return tau
     n = require_type("chain", chain, Chain).n
-    if is_batch(q, qd, qdd):
+    if batch:
         state = {"q": q, "qd": qd, "qdd": qdd}
         many = rows(n, state)
         wrenches = world_wrenches([chain], many[0], tip_wrench, frame)
@@ -282,7 +283,8 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> 
     >>> print(M.shape, M[0, 0].round(3))  # kg m² about the first joint
     (6, 6) 12.181
     """
-    if type(chain) is Chain and same(algorithm, "composite"):
+    batch = is_batch(q)
+    if not batch and type(chain) is Chain and same(algorithm, "composite"):
         M = np.zeros((chain.n, chain.n))
         if composite(chain)(q, M):
             return M
@@ -293,7 +295,7 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> 
             f"algorithm = {algorithm!r}: requires an unbranched arm without sliding joints; use {allowed}",
             id="not-supported-here",
         )
-    if is_batch(q):
+    if batch:
         if kernel is mass.mass_composite:
             found: Array = mass.mass_of_many(chain.arrays, *rows(n, {"q": q}))
             if is_finite(found.reshape(-1)):

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import json
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from types import ModuleType
 from typing import Any, TypeVar
 
 import numpy as np
@@ -21,7 +19,7 @@ from flexlink.chain.coordinates import Coordinate
 from flexlink.chain.lumping import lump
 from flexlink.chain.rigid import DESCRIBED
 from flexlink.chain.shapes import shapes_of
-from flexlink.common.errors import ArgumentError, DataFileError, Diagnostic, MissingDependencyError, how_to_install
+from flexlink.common.errors import ArgumentError, DataFileError, Diagnostic, imported
 from flexlink.describe.scene import scene_from
 from flexlink.dynamics.conserved import Energy, Momentum
 from flexlink.dynamics.result import read_archive, write_archive
@@ -80,16 +78,6 @@ def _arrays(run: RunSamples) -> dict[str, Any]:
 
 
 TRAJECTORY = (".npz", ".csv"), "a trajectory"
-
-
-def imported(name: str, needs: str, extra: str) -> ModuleType:
-    """Import a module that is needed only here; `extra` is the part of flexlink that installs what it needs."""
-    try:
-        return importlib.import_module(name)
-    except ImportError:
-        raise MissingDependencyError(
-            f"{needs} install it with: {how_to_install(extra)}", id="package-missing"
-        ) from None
 
 
 def _package(name: str) -> Any:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import csv
 import dataclasses
-import importlib
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from flexlink.common.errors import MissingDependencyError, how_to_install
+from flexlink.common.errors import imported
 from flexlink.common.notebook import html_table
 from flexlink.common.output import write_whole
 from flexlink.common.wording import plural
@@ -61,7 +60,7 @@ class SweepRows:
 
 def frame(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> Any:
     """Return rows as a DataFrame."""
-    pandas = _package("pandas", "pandas")
+    pandas = imported("pandas", "this table needs pandas;", "pandas")
     return pandas.DataFrame(list(rows), columns=list(columns)).set_index(ROW_COLUMNS[0])
 
 
@@ -78,7 +77,7 @@ def export(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) ->
 def require_parquet() -> None:
     """Check that Parquet files can be written."""
     for name in ("pandas", "pyarrow"):
-        _package(name, "pandas pyarrow")
+        imported(name, f"this table needs {name};", "pandas pyarrow")
 
 
 def _write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
@@ -87,12 +86,3 @@ def _write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)
         writer.writerows(rows)
-
-
-def _package(name: str, needed: str) -> Any:
-    try:
-        return importlib.import_module(name)
-    except ImportError:
-        raise MissingDependencyError(
-            f"this table needs {name}; install it with: {how_to_install(needed)}", id="package-missing"
-        ) from None

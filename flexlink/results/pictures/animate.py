@@ -20,12 +20,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import integer, positive, require_callable, require_one_of
-from flexlink.common.errors import EngineError, MissingDependencyError
+from flexlink.common.errors import EngineError, MissingDependencyError, imported
 from flexlink.common.interruption import StoppedError, deferred, word
 from flexlink.common.output import write_or_keep
 from flexlink.common.types import Array
 from flexlink.data.documents import require_path
-from flexlink.results.files import ending, imported
+from flexlink.results.files import ending
 from flexlink.results.pictures.colouring import STOPS, UNKNOWN, Colour
 from flexlink.results.pictures.film import Film, film_of
 from flexlink.results.pictures.projection import (
