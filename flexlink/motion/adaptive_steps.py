@@ -40,12 +40,14 @@ class AdaptiveSteps(MethodSteps):
     def __init__(
         self, record: Record, control: Control | None = None, *, halved: bool = False, passes: bool = True
     ) -> None:
-        run = record.run
-        self.control, self.ends = control, ends(record, control)
-        self.failure: Failure | None = None
-        self.budget = Budget(run.max_evaluations, run.duration)
-        self.slow = 0, ""  # index of the next sample when slow progress was found, and the warning about it
+        self.control, self.budget = control, Budget(record.run.max_evaluations, record.run.duration)
         super().__init__(record, control is None, halved, passes)
+
+    def _prepare(self) -> None:
+        self.ends = ends(self.record, self.control)
+        self.failure: Failure | None = None
+        self.slow = 0, ""  # index of the next sample when slow progress was found, and the warning about it
+        super()._prepare()
         begin(self)
 
     def __iter__(self) -> Iterator[Reached]:

@@ -28,6 +28,7 @@ from flexlink.kernels.stepping.saturation import choose_branches
 from flexlink.kernels.stepping.step_state import COUNT, SO_FAR, STEPPER
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.motion.inputs.actuation import acting_at
+from flexlink.motion.inputs.drives import remembered as remembered_by
 from flexlink.motion.method_choice import cheapest, fastest_motion, prices
 from flexlink.motion.step_workspace import FEW_PASSES, drive_gains, friction_laws, remembered, stages_of, workspace
 from flexlink.motion.stop_times import SHORTEST, StopTimes, only
@@ -85,23 +86,47 @@ class MethodSteps:
     tried_for: tuple[str, str] | None
 
     def __init__(self, record: Record, by_drive: bool, halved: bool, passes: bool) -> None:
-        run, n = record.run, record.chain.n
-        self.record, self.run = record, run
-        self.by_drive, self.halved, self.passes = by_drive, halved, passes
+        n = record.chain.n
+        self.run, self.by_drive, self.halved, self.passes = record.run, by_drive, halved, passes
         self.given, self.inputs = record.inputs, with_own_limits(record.inputs)
         self.read = np.zeros(n)
         self._gains: tuple[Inputs | None, tuple[Array, ...]] = (None, ())
-        about = record.q[0].tobytes(), record.qd[0].tobytes()
-        posture = record.q[0] if run.controlled else np.zeros(n)
-        self.slowest = record.kept("slowest", about, lambda: slowest_frequency(record.chain, posture))
         self.memory, self.tau, self.count = np.zeros(3 * n + 2), np.zeros(n), np.zeros(COUNT.size, np.int64)
         self.state = self.memory[:n], self.memory[n : 2 * n], self.memory[2 * n : -2], self.memory[-2:]
+        self.forward = record.scratch
+        self._started: tuple[Any, ...] = (None,)
+        self.start(record)
+
+    def start(self, record: Record) -> None:
+        """Start from the first sample of a record; after a start from the same state everything is already prepared."""
+        memory = remembered_by(record.inputs.drive)
+        state = record.q[0], record.qd[0], record.t[:1], *memory
+        about = [array.tobytes() for array in state]
+        started = self._started
+        if started[0] == about:
+            self.restore(started[1])
+            for array, value in zip(memory, started[2], strict=True):
+                array[...] = value
+        self.record, self._started = record, started
+        self.samples = record.t, record.q, record.qd, record.works, record.so_far
+        if started[0] == about:
+            record.q[0], record.qd[0] = self.state[:2]
+        else:
+            self._prepare()
+            self._started = about, self.saved(), [array.copy() for array in memory]
+
+    def _prepare(self) -> None:
+        """Choose the method and its settings, and evaluate the initial state."""
+        record, run = self.record, self.run
+        about = record.q[0].tobytes(), record.qd[0].tobytes()
+        posture = record.q[0] if run.controlled else np.zeros(record.chain.n)
+        self.slowest = record.kept("slowest", about, lambda: slowest_frequency(record.chain, posture))
         record.begin()
+        self.memory[:], self.count[:], self.read[:] = 0.0, 0, 0.0
         self.state[0][:], self.state[1][:] = record.q[0], record.qd[0]
         self.methods: tuple[tuple[int, str, str], ...] = ()
         self.spent, self.taken = 0.0, float(record.t[0])
         self.count[COUNT.row] = 1
-        self.samples, self.forward = (record.t, record.q, record.qd, record.works, record.so_far), record.scratch
         # fixed steps begin on the grid of all steps, bit for bit
         start = float(record.t[0]) if run.controlled else run.fixed_step * record.origin
         self._take(record.kept("choice", about, self._choice), start)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import signal
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, cast
@@ -222,7 +223,14 @@ def _stepper(record: Record, control: Control | None, *, halved: bool, passes: b
         return FixedSteps(record, control)
     from flexlink.motion.adaptive_steps import AdaptiveSteps  # noqa: PLC0415
 
-    return AdaptiveSteps(record, control, halved=halved, passes=passes)
+    find = functools.partial(AdaptiveSteps, record, control, halved=halved, passes=passes)
+    if control is not None:
+        return find()
+    about = halved, passes, record.run, id(record.chain), id(record.inputs)
+    steps: AdaptiveSteps = record.kept("steps", about, find)
+    if steps.record is not record:
+        steps.start(record)
+    return steps
 
 
 def settled(first: Monitor, before: Array | None, stop: Stop) -> Monitor:
@@ -311,24 +319,24 @@ def _other(
     def prepared() -> InitialValueProblem:
         settings = build_validated(replace, run, duration=run.duration + longer) if longer else run
         scene = build_validated(replace, problem.scene, run=settings)
-        begun = scene if start is None else started_from(scene, start[1], start[2], start[0])
         if problem.base is not None:
-            return problem_of(begun, problem.original)
+            return problem_of(scene, problem.original)
         drive = problem.inputs.drive  # a sampled drive writes to its memory
         drive = drive._replace(held=drive.held.copy(), next_instant=drive.next_instant.copy())
-        again = dataclasses.replace(problem, scene=scene, inputs=problem.inputs._replace(drive=drive))
-        return again if start is None else started(again, begun)
+        return dataclasses.replace(problem, scene=scene, inputs=problem.inputs._replace(drive=drive))
 
-    state = (problem.start, problem.q, problem.qd) if start is None else start
-    about = run, longer, *(np.asarray(part).tobytes() for part in state)
     fewest = 2000  # of a run that is given up: a short part of a motion, or one without vibrations, takes very few
     most = GIVEN_UP * max(fewest, first.steps.evaluations) * (1.0 + longer / run.duration)
     halved = k > 0 and run.method == first.steps.method
     try:
-        again = record.kept(("comparison", k), about, prepared)
+        again = record.kept(("comparison", k), (run, longer), prepared)
+        if start is not None:
+            again = started(again, started_from(again.scene, start[1], start[2], start[0]))
+        elif again.scene.initial != problem.scene.initial:
+            again = started(again, replace(problem.scene, run=again.run))
         for array in remembered(again.inputs.drive):
             array[...] = 0
-        other = SingleRun(again, before=before, kept=record.kept(("kept", k), about[:2], Kept), halved=halved)
+        other = SingleRun(again, before=before, kept=record.kept(("kept", k), (run, longer), Kept), halved=halved)
         cast("AdaptiveSteps", other.steps).budget.most = min(run.max_evaluations, most)
         other.advance(stop)
     except FlexlinkError:
