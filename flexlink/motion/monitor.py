@@ -34,6 +34,14 @@ if TYPE_CHECKING:
     from flexlink.motion.sampled_control import Control
 
 
+FAULTS = {
+    WRONG.kinetic: Diagnostic(
+        "the kinetic energy is negative: M is not positive definite", "mass-not-positive-definite"
+    ),
+    WRONG.finite: Diagnostic("energies or torques overflow float64", "diverged"),
+}
+
+
 class Monitor:
     """Checks the samples of a run, chunk by chunk in the order of time.
 
@@ -53,8 +61,8 @@ class Monitor:
         Stated errors of the run that this one continues, and of this one once it has ended; scene of the result.
     """
 
-    before: StatedError | None = None
-    stated: StatedError | None = None
+    before: StatedError | None
+    stated: StatedError | None
 
     def __init__(self, record: Record, warnings: tuple[Diagnostic, ...] = (), control: Control | None = None) -> None:
         chain, run = record.chain, record.run
@@ -64,16 +72,22 @@ class Monitor:
             bend=Thresholds.far_bent, near=Thresholds.at_limit, kept=record.kept,
         )  # fmt: skip
         self.negative_rotors = record.kept("negative rotors", None, lambda: bool((chain.hinges["armature"] < 0).any()))
-        self.n_valid, self.confirmed, self.scene = 0, False, record.problem.scene
-        self.failure: str = ""
-        self.warnings = [*warnings, *loop_warning(record)]
-        self.methods: Sequence[tuple[int, str, str]] = ()
         self.explicit = record.problem.explicit
-        self.steps, (self.deflection, self.angle_travelled, self.drifting) = Steps(run.method, 0, 0), (0.0, 0.0, 0.0)
+        self.start(warnings)
+
+    def start(self, warnings: tuple[Diagnostic, ...] = ()) -> None:
+        """Watch the run whose samples the record holds now, with warnings from the check of its step."""
+        self.n_valid, self.confirmed, self.scene = 0, False, self.record.problem.scene
+        self.before, self.stated = None, None
+        self.failure: str = ""
+        self.warnings = [*warnings, *loop_warning(self.record)]
+        self.methods: Sequence[tuple[int, str, str]] = ()
+        self.steps, (self.deflection, self.angle_travelled, self.drifting) = Steps(self.run.method, 0, 0), (0.0,) * 3
         self._warned: set[str] = set()
-        self._step_errors = [np.zeros(0)]
+        self._step_errors = [np.zeros(0)] if self.explicit else []
         self._furthest = -Thresholds.a_degree  # largest bend of a hinge at the last check of M [rad]
         self._extent = 0, 0.0  # number of samples, and the extent of their path
+        self._balance.clear()
 
     def begin(self) -> None:
         """Compute tip and energies of the first sample, with which all other samples are compared."""
@@ -171,17 +185,11 @@ class Monitor:
 
     def _check_samples(self, first: int, stop: int, methods: Sequence[tuple[int, str, str]]) -> None:
         """Check samples: finite numbers, positive kinetic energy, energy balance, bends of hinges, joint limits."""
-        wrong_samples = {
-            WRONG.kinetic: Diagnostic(
-                "the kinetic energy is negative: M is not positive definite", "mass-not-positive-definite"
-            ),
-            WRONG.finite: Diagnostic("energies or torques overflow float64", "diverged"),
-        }
         seen, wrong = self._balance.seen, int(WRONG.nothing)
         if first == 0:
             self._balance.start(self.record.energy[:, 0], self.record.tip[0])
         self.n_valid = first
-        begins = [(min(max(first, row), stop), name) for row, name, _ in methods or [(0, self.run.method, "")]]
+        begins = [(min(max(first, row), stop), name) for row, name, _ in methods or ((0, self.run.method, ""),)]
         for (begin, name), (end, _) in itertools.pairwise([*begins, (stop, "")]):
             if wrong == WRONG.nothing and self.n_valid == begin < end:
                 samples, allowed = self.record.samples, self._allowance(name)
@@ -193,7 +201,7 @@ class Monitor:
         if seen[SEEN.garbage] >= 0 and self.run.unstable != "allow":
             unbalanced = f"{self._imbalance()} (at most {balance.SHARE:.0%} allowed)"
             self.failure = Diagnostic(unbalanced, "energy-imbalance")
-        self.failure = wrong_samples.get(wrong, self.failure)
+        self.failure = FAULTS.get(wrong, self.failure)
 
     def _findings(self, rows: slice) -> Iterator[tuple[int, str, Diagnostic]]:
         """Yield warnings about these samples, each with the index of the sample, a key and the text."""
@@ -232,14 +240,15 @@ class Monitor:
 
     def _allowance(self, name: str) -> Allowance:
         """Energy imbalance that the tolerance explains at samples computed by a method."""
+        record = self.record
+
+        def found() -> Allowance:
+            explicit = name != AUTO and method(name).explicit  # before the first step the method may not be chosen yet
+            return allowed_imbalance(self.run, record.chain, record.least_tolerance, explicit, not explicit)
+
         if not self.run.controlled:
             return balance.NOTHING
-        record = self.record
-        explicit = name != AUTO and method(name).explicit  # before the first step the method may not be chosen yet
-        given = self.run, record.chain, record.least_tolerance, explicit, not explicit
-        allowance: Allowance = record.kept(
-            ("allowance", name), record.q[0].tobytes(), lambda: allowed_imbalance(*given)
-        )
+        allowance: Allowance = record.kept(("allowance", name), record.least_tolerance, found)
         return allowance
 
     def _far_bends(self, rows: slice) -> Iterator[tuple[int, str, Diagnostic]]:

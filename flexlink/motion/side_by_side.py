@@ -108,7 +108,7 @@ class Block:
         each = zip(self.q, self.qd, self.tau, self.tip, self.energy, self.works, strict=True)
         steps = noted(problem, rows)
         self.records = [
-            Record(member.problem, self.t, q, qd, shared, (*others, steps))
+            Record(member.problem, self.t, q, qd, (*others, steps), shared)
             for member, (q, qd, *others) in zip(members, each, strict=True)
         ]
         self.monitors = [Monitor(*each) for each in zip(self.records, (m.warnings for m in members), strict=True)]

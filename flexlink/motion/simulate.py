@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Never
 
 from msgspec.structs import replace
@@ -20,7 +19,7 @@ from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.motion.budget import warn
 from flexlink.motion.inputs.drives import remembered
 from flexlink.motion.inputs.problem import problem_of, started, started_from
-from flexlink.motion.single_run import SingleRun
+from flexlink.motion.single_run import SingleRun, prepared_run
 from flexlink.results.samples import State, StatedError
 from flexlink.results.trajectory import Trajectory
 
@@ -140,9 +139,7 @@ def simulate(
         t0, q0, qd0 = _end_of(after, q0, qd0, t0)
     starts = not (q0 is None and qd0 is None and t0 is None)
     problem = Problem(started_from(scene, q0, qd0, t0, **changes)) if starts else problem_with(scene, changes)
-    with problem._run(control, rate, delay, after) as run, deferred() as stop:
-        run.advance(stop, progress, warn)
-        return run.result(stop)
+    return problem._simulated((None, None, None), control, rate, delay, after, progress)
 
 
 class Problem:
@@ -239,19 +236,18 @@ class Problem:
             )
         if after is not None:
             t0, q0, qd0 = _end_of(after, q0, qd0, t0)
-        with self._run(control, rate, delay, after, (q0, qd0, t0)) as run, deferred() as stop:
-            return run.finish(stop, progress, warn=warn)
+        return self._simulated((q0, qd0, t0), control, rate, delay, after, progress)
 
-    @contextlib.contextmanager
-    def _run(
+    def _simulated(
         self,
+        start: tuple[ArrayLike | None, ArrayLike | None, float | None],
         control: Law | None,
         rate: float | None,
         delay: float,
         after: Trajectory | None,
-        start: tuple[ArrayLike | None, ArrayLike | None, float | None] = (None, None, None),
-    ) -> Iterator[SingleRun]:
-        """A run that is ready to start, from a state, with what the run before it, `after`, hands on."""
+        progress: Callable[[float], None] | None,
+    ) -> Trajectory:
+        """A run from a state, with what the run before it, `after`, hands on."""
         before = None if after is None else after.delayed
         try:
             problem, kept = self._idle.pop()
@@ -270,8 +266,13 @@ class Problem:
                 )
             scene = started_from(self.scene, *start)
             begun = problem if scene is self.scene else started(problem, scene)
-            own, motion = (kept if control is None else None), continued(after, scene)
-            yield SingleRun(begun, control, rate, delay, before, kept=own, motion=motion)
+            motion = continued(after, scene)
+            if control is None and rate is None and not delay:
+                run = prepared_run(begun, kept, before, motion)
+            else:
+                run = SingleRun(begun, control, rate, delay, before, motion=motion)
+            with deferred() as stop:
+                return run.finish(stop, progress, warn=warn)
         finally:
             self._idle.append((problem, kept))
 

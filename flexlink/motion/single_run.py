@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import functools
 import signal
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, cast
@@ -40,7 +39,7 @@ from flexlink.motion.verification import (
     unknown,
     unrepeated,
 )
-from flexlink.results.record import Record
+from flexlink.results.record import Record, derived
 from flexlink.results.samples import StatedError
 from flexlink.results.stop_reasons import (
     ControlError,
@@ -110,11 +109,10 @@ class SingleRun:
             problem = dataclasses.replace(problem, inputs=problem.inputs._replace(drive=control.drive))
         elif before is not None:
             recall(problem.inputs.drive, before)
-        record = _recorded(problem, rows, kept)
-        about = problem.q.tobytes(), problem.qd.tobytes(), problem.start
-        if warnings is None:
-            warnings = record.kept("step", about, lambda: _step_warnings(problem))
-        self.monitor = Monitor(record, warnings, control)
+        kept = Kept() if kept is None else kept
+        record = Record(problem, *_samples(problem, rows, kept), kept)
+        _identify_types(record)
+        self.monitor = Monitor(record, _step_warnings(record) if warnings is None else warnings, control)
         self.monitor.before = motion
         self._before, self._warned = before, False
         if control is not None:
@@ -124,6 +122,17 @@ class SingleRun:
                 raise ControlError(f"{problem.chain.name}: {failure}", self.monitor.trajectory()) from failure.__cause__
         self.monitor.compile()
         self.steps = _stepper(record, control, halved=halved, passes=passes)
+
+    def start(self, problem: InitialValueProblem, before: Array | None, motion: StatedError | None) -> None:
+        """Get ready to run again, from the initial state of a problem that otherwise equals that of the last run."""
+        if before is not None:
+            recall(problem.inputs.drive, before)
+        record = self.monitor.record
+        record.hold(problem, *_samples(problem, None, record.kept))
+        self.monitor.start(_step_warnings(record))
+        self.monitor.before = motion
+        self._before, self._warned = before, False
+        self.steps.start(record)
 
     def finish(
         self,
@@ -206,13 +215,35 @@ def _control(
     return control_of(problem, law, rate, delay, before)
 
 
-def _step_warnings(problem: InitialValueProblem) -> tuple[Diagnostic, ...]:
+def prepared_run(
+    problem: InitialValueProblem, kept: Kept, before: Array | None, motion: StatedError | None, halved: bool = False
+) -> SingleRun:
+    """A run without a law in Python that is ready to start: the last one of the same problem, or a new one.
+
+    Arguments as in `SingleRun`; only one run of `kept` may be in use.
+    """
+    new: list[SingleRun] = []
+
+    def find() -> SingleRun:
+        new.append(SingleRun(problem, before=before, kept=kept, motion=motion, halved=halved))
+        return new[0]
+
+    run: SingleRun = kept("run", (halved, problem.run, id(problem.chain), id(problem.inputs)), find)
+    if not new:
+        run.start(problem, before, motion)
+    return run
+
+
+def _step_warnings(record: Record) -> tuple[Diagnostic, ...]:
     """Warnings from the check of a fixed explicit step; errors as in `check_step`."""
+    problem = record.problem
     if not problem.explicit:
         return ()
     from flexlink.motion.inputs.step_check import check_step  # noqa: PLC0415  only fixed steps need eigenvalues
 
-    return check_step(problem)
+    about = problem.q.tobytes(), problem.qd.tobytes(), problem.start
+    found: tuple[Diagnostic, ...] = record.kept("step", about, lambda: check_step(problem))
+    return found
 
 
 def _stepper(record: Record, control: Control | None, *, halved: bool, passes: bool) -> FixedSteps | AdaptiveSteps:
@@ -223,14 +254,7 @@ def _stepper(record: Record, control: Control | None, *, halved: bool, passes: b
         return FixedSteps(record, control)
     from flexlink.motion.adaptive_steps import AdaptiveSteps  # noqa: PLC0415
 
-    find = functools.partial(AdaptiveSteps, record, control, halved=halved, passes=passes)
-    if control is not None:
-        return find()
-    about = halved, passes, record.run, id(record.chain), id(record.inputs)
-    steps: AdaptiveSteps = record.kept("steps", about, find)
-    if steps.record is not record:
-        steps.start(record)
-    return steps
+    return AdaptiveSteps(record, control, halved=halved, passes=passes)
 
 
 def settled(first: Monitor, before: Array | None, stop: Stop) -> Monitor:
@@ -336,7 +360,7 @@ def _other(
             again = started(again, replace(problem.scene, run=again.run))
         for array in remembered(again.inputs.drive):
             array[...] = 0
-        other = SingleRun(again, before=before, kept=record.kept(("kept", k), (run, longer), Kept), halved=halved)
+        other = prepared_run(again, record.kept(("kept", k), (run, longer), Kept), before, None, halved)
         cast("AdaptiveSteps", other.steps).budget.most = min(run.max_evaluations, most)
         other.advance(stop)
     except FlexlinkError:
@@ -375,27 +399,33 @@ def verify(monitor: Monitor, stop: Stop) -> Iterator[Diagnostic]:
         yield text
 
 
-def _recorded(problem: InitialValueProblem, rows: int | None, kept: Kept | None) -> Record:
-    """Record of a run with `rows` samples (None: all); the first sample is set to the initial state."""
+def _samples(
+    problem: InitialValueProblem, rows: int | None, kept: Kept
+) -> tuple[Array, Array, Array, tuple[Array, ...]]:
+    """Arrays for `rows` samples (None: all) of a run, as in `Record`; the first sample is set to the initial state."""
     run, chain = problem.run, problem.chain
     try:
         number = run.samples if rows is None else rows
-        kept = Kept() if kept is None else kept
         times = kept("times", (problem.start, number), lambda: multiples(problem.start, run.between, number)).copy()
         q, qd = np.empty((2, number, chain.n))
-        record = Record(problem, times, q, qd, kept)
+        others = derived(problem, number)
     except (MemoryError, ValueError):  # ValueError: more elements than numpy can count
         raise SceneError(
             f"{run.label('sample', 'run.')} = {run.spacing!r}: {run.samples} samples of {chain.n} joints do not fit "
             "into memory",
             id="out-of-memory",
         ) from None
-    record.q[0], record.qd[0] = problem.q, problem.qd
-    if not record.kept.types:  # all other arguments of kernels here always have the same types
+    q[0], qd[0] = problem.q, problem.qd
+    return times, q, qd, others
+
+
+def _identify_types(record: Record) -> None:
+    """Note the types of the arguments of kernels that runs of one owner share: all others are always the same."""
+    if not record.kept.types:
+        run, chain = record.run, record.chain
         solver = f"{run.solver} {chain.is_planar} {chain.shapes is not None}".encode()
-        drive, *others = problem.inputs
+        drive, *others = record.inputs
         record.kept.types = types_of(chain.arrays, *others) + _types_of_drive(drive) + solver
-    return record
 
 
 @keep_last(64)

@@ -248,15 +248,20 @@ def _output(run: RunSamples, name: str, rows: int) -> Array:
 
 def estimated_error(monitor: Monitor) -> Array:
     """Error of the tip at the valid samples [m], from the errors of the steps and the error handed on."""
-    n, before, so_far = monitor.n_valid, monitor.before, monitor.record.so_far
+    n, before, so_far, least = (
+        monitor.n_valid,
+        monitor.before,
+        monitor.record.so_far,
+        Thresholds.usual * monitor.tolerance,
+    )
     handed_on, drifted = (0.0, 0.0) if before is None else (float(before.tip[-1]), before.drifted)
     found = np.full(n, handed_on)
-    if so_far[n - 1, SO_FAR.drifted] > 0.0 or before is not None:
+    if so_far.item(n - 1, SO_FAR.drifted) > 0.0 or before is not None:
         found += Thresholds.lasting * (displaced(monitor) - drifted)
-    if so_far[n - 1, SO_FAR.kicked] > 0.0:
+    if so_far.item(n - 1, SO_FAR.kicked) > 0.0:
         kicked = np.diff(so_far[:n, SO_FAR.kicked], prepend=0.0)
         rows = [(row, read_by(method(name))[0]) for row, name, _ in monitor.methods]
         for (first, error), (stop, _) in itertools.pairwise([*rows, (n, 0.0)]):
             kicked[first:stop] *= error
         found += kicked.cumsum()
-    return np.asarray(np.maximum(found, Thresholds.usual * monitor.tolerance))
+    return np.asarray(np.maximum(found, least, out=found))

@@ -100,7 +100,9 @@ def _switches(monitor: Monitor) -> bool:
     jumps, taken = len(corners(drive)) * (drive.law == TABLE) + steps.rejected, steps.taken
     if drive.law == COMPUTED_TORQUE and not drive.rate and len(on_elastic_gears(record.chain.arrays)) > 0:
         return True
-    at_limit = float((np.abs(record.tau[: monitor.n_valid, drive.joints]) >= drive.effort).any(axis=1).mean())
+    at_limit = 0.0
+    if min(drive.effort.tolist(), default=math.inf) < math.inf:
+        at_limit = float((np.abs(record.tau[: monitor.n_valid, drive.joints]) >= drive.effort).any(axis=1).mean())
     return at_limit > 0.5 or jumps > 0.3 * taken or (at_limit > 0.0 and jumps > 0.1 * taken)
 
 

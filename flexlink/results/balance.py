@@ -51,7 +51,12 @@ class Balance:
         self.chain, self.kept, given = chain, Kept() if kept is None else kept, (insisted, bend, near)
         find = functools.partial(_bounds, chain, force, *given)
         self.bounds: Bounds = self.kept("bounds", (given, force.tobytes()), find)
-        self.seen = np.zeros(SEEN.size)
+        self.seen = np.empty(SEEN.size)
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all samples."""
+        self.seen[:] = 0.0
         self.seen[SEEN.garbage] = -1.0
 
     def start(self, energy: Array, tip: Array) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -16,6 +15,7 @@ from flexlink.dynamics import rounding
 from flexlink.dynamics.conserved import Energy, Momentum, momentum_of_states
 from flexlink.dynamics.floating_base import ANGLES, FAR
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
+from flexlink.dynamics.result import read_only
 from flexlink.kernels.stepping.samples import derive, prescribed_torques
 from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.kernels.tools.machine_code import direct
@@ -38,27 +38,29 @@ class Record:
     """Preallocated samples of a running simulation; samples not yet computed are uninitialised."""
 
     def __init__(
-        self, problem: InitialValueProblem, t: Array, q: Array, qd: Array, kept: Kept | None = None,
-        others: tuple[Array, ...] | None = None,
+        self, problem: InitialValueProblem, t: Array, q: Array, qd: Array, others: tuple[Array, ...] | None = None,
+        kept: Kept | None = None,
     ) -> None:  # fmt: skip
-        self.problem, self.run, self.chain, self.inputs = problem, problem.run, problem.chain, problem.inputs
-        self.t, self.q, self.qd = t, q, qd
-        if others is None:
-            n = problem.chain.n
-            others = (
-                np.empty((len(t), n)), np.empty((len(t), 3)), np.empty((3, len(t))), np.zeros(len(t)),
-                noted(problem, len(t)),
-            )  # fmt: skip
+        self.run, self.chain, self.inputs, self.base = problem.run, problem.chain, problem.inputs, problem.base
+        self.kept = Kept() if kept is None else kept  # workspace and machine code, which consecutive runs reuse
+        self._derive: Callable[..., None] | None = None
+        self.hold(problem, t, q, qd, others)
+
+    def hold(
+        self, problem: InitialValueProblem, t: Array, q: Array, qd: Array, others: tuple[Array, ...] | None = None
+    ) -> None:
+        """Hold the samples of another run of the same problem, from another initial state."""
+        self.problem, self.t, self.q, self.qd = problem, t, q, qd
         # works: integrated, without the work of a constant tip force, which follows from its potential; so_far: step
         # counts and largest deflection up to each sample (samples, SO_FAR.size)
-        self.tau, self.tip, self.energy, self.works, self.so_far = others
+        self.tau, self.tip, self.energy, self.works, self.so_far = (
+            derived(problem, len(t)) if others is None else others
+        )
         self._placed = None if self.chain.has_levers else np.empty((len(t), len(self.chain.bodies), 12))
         self.origin = 0 if self.run.controlled else round(float(t[0]) / self.run.fixed_step)  # fixed steps before t₀
-        self.kept = Kept() if kept is None else kept  # workspace and machine code, which consecutive runs reuse
-        self.base = problem.base
+        self._least = 0.0
         if self.base is not None:
             self.base.begin()
-        self._derive: Callable[..., None] | None = None
 
     @property
     def scratch(self) -> Any:
@@ -113,18 +115,20 @@ class Record:
             return self.path[:stop]
         return np.concatenate([compared_path(self.chain, self.q[part]) for part in self.parts(0, stop)])
 
-    @functools.cached_property
+    @property
     def least_tolerance(self) -> float:
         """Smallest tolerance [m] that rounding errors allow, for the arm's size and its initial angles."""
-        # a tolerance must exceed the sum of this number of rounding errors of the tip position, one per step
-        roundings = 200.0
-        return roundings * rounding.of_reach(self.chain.size, max(map(abs, self.q[0].tolist())))
+        if not self._least:
+            # a tolerance must exceed the sum of this number of rounding errors of the tip position, one per step
+            roundings = 200.0
+            self._least = roundings * rounding.of_reach(self.chain.size, max(map(abs, self.q[0].tolist())))
+        return self._least
 
-    @functools.cached_property
+    @property
     def follows_vibrations(self) -> bool:
         """Whether steps follow vibrations that do not move the tip, because something that sees them is read."""
-        springs = bool((self.chain.hinges["stiffness"] > 0).any())
-        return springs and self.run.follows_vibrations(self.problem.scene.sensor)
+        reads = self.run.follows_vibrations(self.problem.scene.sensor)
+        return reads and bool((self.chain.hinges["stiffness"] > 0).any())
 
     def compile(self) -> None:
         """Compile the code that `derive` runs."""
@@ -175,14 +179,24 @@ class Record:
             momentum = Momentum(*map(joined, zip(*parts, strict=True)))
             q, qd, attitude, spin = self.base.from_the_start(q[:stop], qd[:stop])
             chain, motion = self.base.original, BaseMotion(attitude, spin, momentum)
-        for array in (q, qd, self.tau, self.tip, self.energy, wrench, *([] if work is None else [work])):
+        delayed = self.inputs.drive.delayed(float(self.t[stop - 1])) if stop else np.zeros((0, 1))
+        for array in (q, qd, self.tau, self.tip, self.energy, wrench, delayed):
             array.setflags(write=False)
-        t, q, qd, tau, tip = (_kept(a, stop) for a in (self.t, q, qd, self.tau, self.tip))
-        energy, scene = Energy(*self.energy[:, :stop]), scene or self.problem.scene
-        delayed = self.inputs.drive.delayed(float(t[-1])) if stop else np.zeros((0, 1))
-        return Trajectory(
-            chain, t, q, qd, tau, tip, energy, work, warnings, steps, wrench, scene, motion, delayed, stated
-        )
+        if work is not None:
+            work.setflags(write=False)
+        t, q, qd, tau, tip = [_kept(a, stop) for a in (self.t, q, qd, self.tau, self.tip)]
+        kinetic, gravity, elastic = self.energy[:, :stop]
+        return Trajectory.of_read_only(
+            chain=chain, t=read_only(t), q=q, qd=qd, drive_torques=tau, tip=tip, work=work, warnings=warnings,
+            steps=steps, energy=Energy.of_read_only(kinetic=kinetic, gravity=gravity, elastic=elastic),
+            tip_wrench=wrench, scene=scene or self.problem.scene, base=motion, delayed=delayed, stated=stated,
+        )  # fmt: skip
+
+
+def derived(problem: InitialValueProblem, rows: int) -> tuple[Array, ...]:
+    """Arrays for what a record derives from the states of a number of samples."""
+    n = problem.chain.n
+    return np.empty((rows, n)), np.empty((rows, 3)), np.empty((3, rows)), np.zeros(rows), noted(problem, rows)
 
 
 def noted(problem: InitialValueProblem, rows: int) -> Array:
@@ -200,4 +214,4 @@ def joined(parts: Sequence[Array]) -> Array:
 
 def _kept(array: Array, stop: int) -> Array:
     """The first `stop` rows, copied if there are more, so that the memory of the others is freed."""
-    return array if stop == len(array) else array[:stop].copy()
+    return array if stop == len(array) else read_only(array[:stop].copy())
