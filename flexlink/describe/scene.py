@@ -38,6 +38,7 @@ from flexlink.describe.spec import (
     check_keys,
     decode,
     fields_of,
+    is_unchecked,
     key_mistakes,
     measured_in,
     mistakes,
@@ -84,6 +85,8 @@ class Scene(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if is_unchecked():
+            return
         if not self.name:
             raise SceneError("name = '': must not be empty", id="empty-name")
         names = {

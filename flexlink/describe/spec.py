@@ -44,7 +44,8 @@ BRIEF.maxstring, BRIEF.maxother = 60, 400
 
 TOO_DEEP = "nested too deeply"
 
-_thread = threading.local()  # `validated`: whether the values of the description being built are already checked
+_thread = threading.local()
+"""`validated`: whether the values of a description being built are checked already; `consistent`: with others, too."""
 
 
 def build_validated(make: Callable[..., T], *arguments: Any, **fields: Any) -> T:
@@ -55,6 +56,20 @@ def build_validated(make: Callable[..., T], *arguments: Any, **fields: Any) -> T
         return make(*arguments, **fields)
     finally:
         _thread.validated = before
+
+
+def build_unchecked(make: Callable[..., T], *arguments: Any, **fields: Any) -> T:
+    """Build a description of checked values that are known to be consistent."""
+    _thread.consistent = True
+    try:
+        return build_validated(make, *arguments, **fields)
+    finally:
+        _thread.consistent = False
+
+
+def is_unchecked() -> bool:
+    """Whether the description being built is known to be consistent."""
+    return getattr(_thread, "consistent", False)
 
 
 class _Explained(msgspec.StructMeta):

@@ -195,8 +195,7 @@ def begin(steps: MethodSteps) -> None:
     if run.method != AUTO or run.duration == 0.0 or tumbles(record):
         steps.consider_at = NEVER
         return
-    about, tolerance = (record.q[0].tobytes(), record.qd[0].tobytes()), run.tolerance_within(record.chain.size)
-    costs = record.kept("guesses", about, lambda: guessed_costs(record, tolerance))
+    costs = guessed_costs(record, run.tolerance_within(record.chain.size))
     steps.guesses = {name: cost / run.duration for name, cost in costs.items()}
     steps.consider_at = few(steps)
 

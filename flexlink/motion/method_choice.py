@@ -8,8 +8,8 @@ import numpy as np
 
 from flexlink.common.types import Array
 from flexlink.describe.schemes.methods import method
-from flexlink.dynamics.forces import damping_slope, linearised
-from flexlink.dynamics.vibration.extremes import fastest_of
+from flexlink.dynamics.forces import damping_slope, has_potential, linearised
+from flexlink.dynamics.vibration.extremes import fastest_of, scratch
 from flexlink.motion.evaluation_cost import cost_of_a_step, operation_costs
 from flexlink.motion.inputs.drives import gains_at_zero
 from flexlink.motion.inputs.tstops import acts_between_instants
@@ -30,7 +30,7 @@ def cheapest(record: Record, tolerance: float, slowest: float) -> tuple[str, str
 
     `slowest`: lowest natural frequency due to springs [rad/s], for the reason.
     """
-    costs, fastest = guessed_costs(record, tolerance), max(fastest_motion(record, record.q[0]))
+    costs, fastest = dict(guessed_costs(record, tolerance)), max(fastest_motion(record, record.q[0]))
     if not reads_rates(record) and (fastest * record.run.duration > STIFF or tolerance > SMALL * record.chain.size):
         del costs["Radau9"]
     name = min(costs, key=lambda name: costs[name])
@@ -52,6 +52,12 @@ def guessed_costs(record: Record, tolerance: float) -> dict[str, float]:
     tolerance of 1e-2 times the size, 19 with 1e-3, 30 with 1e-4 and 76 with 1e-6, within a factor of 1.7 for half of
     the scenes. Radau9 needs fewer steps, except where dry friction makes the motion nonsmooth.
     """
+    about = record.q[0].tobytes(), tolerance
+    found: dict[str, float] = record.kept("guesses", about, lambda: _guessed_costs(record, tolerance))
+    return found
+
+
+def _guessed_costs(record: Record, tolerance: float) -> dict[str, float]:
     run, part = record.run, tolerance / record.chain.size
     fastest, strict = max(fastest_motion(record, record.q[0])), 1e-2 / part
     tries = {"Radau5": 12.0 * strict**0.2}
@@ -84,8 +90,13 @@ def prices(record: Record, *, explicit: bool) -> list[float]:
 
 def price_of_a_step(record: Record, name: str) -> float:
     """CPU time of one attempted step of a method on a record's chain [s]."""
-    rule = method(name)
-    return cost_of_a_step(prices(record, explicit=rule.explicit), rule.stages, explicit=rule.explicit)
+
+    def find() -> float:
+        rule = method(name)
+        return cost_of_a_step(prices(record, explicit=rule.explicit), rule.stages, explicit=rule.explicit)
+
+    found: float = record.kept(("price", name), None, find)
+    return found
 
 
 def tumbles(record: Record) -> bool:
@@ -108,6 +119,15 @@ def _nothing_holds(record: Record) -> bool:
 
 def fastest_motion(record: Record, q: Array) -> tuple[float, float]:
     """Fastest frequency [rad/s] and decay rate [1/s] of a chain under its drive in a configuration."""
-    chain = record.chain
-    kp, kd = gains_at_zero(record.inputs.drive, chain).diagonals()
-    return fastest_of(chain, q, linearised(chain, q).stiffness + kp, damping_slope(chain) + kd)
+    chain, kept = record.chain, record.kept
+
+    def slopes() -> tuple[Array, Array]:
+        kp, kd = gains_at_zero(record.inputs.drive, chain).diagonals()
+        return linearised(chain, q).stiffness + kp, damping_slope(chain) + kd
+
+    def find() -> tuple[float, float]:
+        stiffness, damping = kept("slopes", q.tobytes() if has_potential(chain) else None, slopes)
+        return fastest_of(chain, q, stiffness, damping, kept("posture", None, lambda: scratch(chain)))
+
+    found: tuple[float, float] = kept("fastest", q.tobytes(), find)
+    return found

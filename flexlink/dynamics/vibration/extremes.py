@@ -52,17 +52,12 @@ def _slowest_frequency(chain: Chain, q: Array) -> float:
 
 def fastest_frequency(chain: Chain, q: Array) -> float:
     """Highest natural frequency due to springs [rad/s], from below; 0 without springs, inf without inertia."""
-    return fastest_of(chain, q, chain.stiffness, np.zeros(chain.n))[0]
+    return FOUND.calling(fastest_of, chain, q, chain.stiffness, np.zeros(chain.n))[0]
 
 
 def fastest_decay(chain: Chain, q: Array) -> float:
     """Highest decay rate due to dampers [1/s], from D φ = δ M φ, estimated from below."""
-    return fastest_of(chain, q, np.zeros(chain.n), chain.damping)[1]
-
-
-def fastest_of(chain: Chain, q: Array, stiffness: Array, damping: Array) -> tuple[float, float]:
-    """Return `fastest_frequency` [rad/s] and `fastest_decay` [1/s] for these diagonals, computed together."""
-    return FOUND.calling(_fastest, chain, q, stiffness, damping)
+    return FOUND.calling(fastest_of, chain, q, np.zeros(chain.n), chain.damping)[1]
 
 
 Posture = PlanePosture | SpacePosture | ShapedPosture
@@ -75,13 +70,15 @@ def scratch(chain: Chain) -> Posture:
     return posture if chain.shapes is None else shaped_posture(chain.arrays, chain.shapes, posture)
 
 
-def _fastest(chain: Chain, q: Array, *diagonals: Array) -> tuple[float, float]:
+def fastest_of(
+    chain: Chain, q: Array, stiffness: Array, damping: Array, posture: Posture | None = None
+) -> tuple[float, float]:
     """√λ and λ for the largest λ of K φ = λ M φ and of D φ = λ M φ, by the power iteration φ ← M⁻¹ K φ.
 
     K and D have these diagonals and the chain's couplings; held joints are at rest.
     """
-    found, posture = [0.0, 0.0], None
-    for k, (name, weights) in enumerate(zip(("stiffness", "damping"), diagonals, strict=True)):
+    found = [0.0, 0.0]
+    for k, (name, weights) in enumerate((("stiffness", stiffness), ("damping", damping))):
         if weights.any():
             posture = posture or scratch(chain)
             matrix = np.ascontiguousarray(weights), np.ascontiguousarray(chain.couplings[name])

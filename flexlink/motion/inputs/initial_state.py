@@ -64,10 +64,13 @@ def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
 def state_under(inputs: Inputs, scene: Scene, chain: Chain) -> tuple[Array, Array]:
     """Return the `initial_state` of a scene whose inputs are known."""
     initial = scene.initial
-    q, qd = stated(scene, chain)
+    q = qd = np.zeros(chain.n)
+    if initial.q is None or initial.qd is None:
+        q, qd = stated(scene, chain)
     q, qd = _given("q", initial.q, q), _given("qd", initial.qd, qd)
-    on_shapes(chain, "initial.q", q - chain.rest)
-    on_shapes(chain, "initial.qd", qd, "/s")
+    if chain.shapes is not None:
+        on_shapes(chain, "initial.q", q - chain.rest)
+        on_shapes(chain, "initial.qd", qd, "/s")
     if initial.passive == "static" and len(chain.active) < chain.n:
         from flexlink.dynamics.equilibrium import static_posture  # noqa: PLC0415  statics
 
