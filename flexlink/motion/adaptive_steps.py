@@ -40,11 +40,11 @@ class AdaptiveSteps(MethodSteps):
     def __init__(
         self, record: Record, control: Control | None = None, *, halved: bool = False, passes: bool = True
     ) -> None:
-        self.control, self.budget = control, Budget(record.run.max_evaluations, record.run.duration)
+        self.control = control
         super().__init__(record, control is None, halved, passes)
 
     def _prepare(self) -> None:
-        self.ends = ends(self.record, self.control)
+        self.ends, self.budget = ends(self.record, self.control), Budget(self.run.max_evaluations, self.run.duration)
         self.failure: Failure | None = None
         self.slow = 0, ""  # index of the next sample when slow progress was found, and the warning about it
         super()._prepare()

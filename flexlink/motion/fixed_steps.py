@@ -30,13 +30,13 @@ class FixedSteps:
     slow, deflection, so_far = (0, ""), 0.0, (0.0, 0.0, 0.0)  # constant: only adaptive and implicit steps change these
 
     def __init__(self, record: Record, control: Control | None = None, lanes: Lanes | None = None) -> None:
-        self.run, self.tableau = record.run, method(record.run.method).arrays
         self.no_samples = *np.empty((2, 0, record.chain.n)), np.empty(0)
         self.start(record, control, lanes)
 
     def start(self, record: Record, control: Control | None = None, lanes: Lanes | None = None) -> None:
         """Start from the first sample of a record."""
-        self.record, self.origin = record, record.origin
+        self.record, self.run, self.origin = record, record.run, record.origin
+        self.tableau = method(record.run.method).arrays
         self.failure: Failure | None = None
         self._inputs: Inputs | None = None  # the inputs that `_go` is compiled for
         record.begin()

@@ -87,7 +87,7 @@ class MethodSteps:
 
     def __init__(self, record: Record, by_drive: bool, halved: bool, passes: bool) -> None:
         n = record.chain.n
-        self.run, self.by_drive, self.halved, self.passes = record.run, by_drive, halved, passes
+        self.by_drive, self.halved, self.passes = by_drive, halved, passes
         self.given, self.inputs = record.inputs, with_own_limits(record.inputs)
         self.read = np.zeros(n)
         self._gains: tuple[Inputs, tuple[Array, ...]] = record.inputs, drive_gains(record.chain, record.inputs)
@@ -101,13 +101,13 @@ class MethodSteps:
         """Start from the first sample of a record; after a start from the same state everything is already prepared."""
         memory = remembered_by(record.inputs.drive)
         state = record.q[0], record.qd[0], record.t[:1], *memory
-        about = [array.tobytes() for array in state]
+        about = [record.run, *(array.tobytes() for array in state)]
         started = self._started
         if started[0] == about:
             self.restore(started[1], gains=self.inputs is not self.given)  # else no step wrote to them
             for array, value in zip(memory, started[2], strict=True):
                 array[...] = value
-        self.record, self._started = record, started
+        self.record, self.run, self._started = record, record.run, started
         self.samples = record.t, record.q, record.qd, record.works, record.so_far
         if started[0] == about:
             record.q[0], record.qd[0] = self.state[:2]
@@ -129,7 +129,7 @@ class MethodSteps:
         self.count[COUNT.row] = 1
         # fixed steps begin on the grid of all steps, bit for bit
         start = float(record.t[0]) if run.controlled else run.fixed_step * record.origin
-        self._take(record.kept("choice", about, self._choice), start)
+        self._take(record.kept("choice", (run, *about), self._choice), start)
         self._begun: tuple[float, Inputs] | None = None
         self.aim(start, start)
         self._begun = start, self.inputs
@@ -284,9 +284,10 @@ class MethodSteps:
         start, rule, about = float(record.t[0]), self.method, (part.tobytes() for part in self.state[:2])
         stops = lambda: StopTimes(rule, record, self.by_drive, halved=self.halved, passes=self.passes)  # noqa: E731
         self.prices = prices(record, explicit=rule.explicit)
-        self.stop_times = record.kept(("stops", self.name), (rule, start, record.q[0].tobytes()), stops)
+        of_the_run = self.run, self.halved, self.passes, rule, start
+        self.stop_times = record.kept(("stops", self.name), (*of_the_run, record.q[0].tobytes()), stops)
         place = "settings", self.name, now == start  # settings differ between the start and a switch
-        self.settings = record.kept(place, (now, *about), lambda: self._settings(now))
+        self.settings = record.kept(place, (*of_the_run, now, *about), lambda: self._settings(now))
         self.end, self.knots = now, only(now)
         self._compile()
 

@@ -66,7 +66,7 @@ class Monitor:
 
     def __init__(self, record: Record, warnings: tuple[Diagnostic, ...] = (), control: Control | None = None) -> None:
         chain, run = record.chain, record.run
-        self.record, self.run, self.control = record, run, control
+        self.record, self.control = record, control
         self._balance = balance.Balance(
             chain, record.inputs.potential_force, insisted=run.unstable == "allow",
             bend=Thresholds.far_bent, near=Thresholds.at_limit, kept=record.kept,
@@ -77,6 +77,7 @@ class Monitor:
 
     def start(self, warnings: tuple[Diagnostic, ...] = ()) -> None:
         """Watch the run whose samples the record holds now, with warnings from the check of its step."""
+        self.run = self.record.run
         self.n_valid, self.confirmed, self.scene = 0, False, self.record.problem.scene
         self.before, self.stated = None, None
         self.failure: str = ""
@@ -248,7 +249,7 @@ class Monitor:
 
         if not self.run.controlled:
             return balance.NOTHING
-        allowance: Allowance = record.kept(("allowance", name), record.least_tolerance, found)
+        allowance: Allowance = record.kept(("allowance", name), (self.run, record.least_tolerance), found)
         return allowance
 
     def _far_bends(self, rows: slice) -> Iterator[tuple[int, str, Diagnostic]]:

@@ -17,7 +17,7 @@ from flexlink.common.memo import Kept, keep_last
 from flexlink.common.types import Array
 from flexlink.describe.numbers import multiples
 from flexlink.describe.run_settings import RunSettings, check_method
-from flexlink.describe.spec import build_validated
+from flexlink.describe.spec import build_unchecked, build_validated
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.kernels.inputs.record import Drive
 from flexlink.kernels.tools.machine_code import types_of
@@ -228,7 +228,8 @@ def prepared_run(
         new.append(SingleRun(problem, before=before, kept=kept, motion=motion, halved=halved))
         return new[0]
 
-    run: SingleRun = kept("run", (halved, problem.run, id(problem.chain), id(problem.inputs)), find)
+    about = halved, problem.explicit, problem.run.unstable, id(problem.chain), id(problem.inputs)
+    run: SingleRun = kept("run", about, find)
     if not new:
         run.start(problem, before, motion)
     return run
@@ -341,26 +342,26 @@ def _other(
         longer = float(record.t[0]) - start[0]
 
     def prepared() -> InitialValueProblem:
-        settings = build_validated(replace, run, duration=run.duration + longer) if longer else run
-        scene = build_validated(replace, problem.scene, run=settings)
         if problem.base is not None:
-            return problem_of(scene, problem.original)
+            return problem_of(problem.scene, problem.original)
         drive = problem.inputs.drive  # a sampled drive writes to its memory
         drive = drive._replace(held=drive.held.copy(), next_instant=drive.next_instant.copy())
-        return dataclasses.replace(problem, scene=scene, inputs=problem.inputs._replace(drive=drive))
+        return dataclasses.replace(problem, inputs=problem.inputs._replace(drive=drive))
 
     fewest = 2000  # of a run that is given up: a short part of a motion, or one without vibrations, takes very few
     most = GIVEN_UP * max(fewest, first.steps.evaluations) * (1.0 + longer / run.duration)
     halved = k > 0 and run.method == first.steps.method
     try:
-        again = record.kept(("comparison", k), (run, longer), prepared)
-        if start is not None:
-            again = started(again, started_from(again.scene, start[1], start[2], start[0]))
-        elif again.scene.initial != problem.scene.initial:
-            again = started(again, replace(problem.scene, run=again.run))
+        settings = build_validated(replace, run, duration=run.duration + longer) if longer else run
+        scene = build_unchecked(replace, problem.scene, run=settings)
+        again: InitialValueProblem = record.kept(("comparison", k), longer, prepared)
+        if start is None:
+            again = dataclasses.replace(again, scene=scene, q=problem.q, qd=problem.qd)
+        else:
+            again = started(again, started_from(scene, start[1], start[2], start[0]))
         for array in remembered(again.inputs.drive):
             array[...] = 0
-        other = prepared_run(again, record.kept(("kept", k), (run, longer), Kept), before, None, halved)
+        other = prepared_run(again, record.kept(("kept", k), longer, Kept), before, None, halved)
         cast("AdaptiveSteps", other.steps).budget.most = min(run.max_evaluations, most)
         other.advance(stop)
     except FlexlinkError:
@@ -406,7 +407,9 @@ def _samples(
     run, chain = problem.run, problem.chain
     try:
         number = run.samples if rows is None else rows
-        times = kept("times", (problem.start, number), lambda: multiples(problem.start, run.between, number)).copy()
+        times = kept(
+            "times", (problem.start, run.between, number), lambda: multiples(problem.start, run.between, number)
+        ).copy()
         q, qd = np.empty((2, number, chain.n))
         others = derived(problem, number)
     except (MemoryError, ValueError):  # ValueError: more elements than numpy can count

@@ -81,17 +81,19 @@ class StopTimes:
         """Stops after `start`, the last of them at `end`; read-only."""
         if start == end:
             return only(end)
-        if self.halved:
-            times, passed_by = self._between(start, end)
-            before = np.append(start, times[:-1])
-            middles, beside = (before + times) / 2, np.minimum(np.append(np.inf, passed_by[:-1]), passed_by)
-            apart = (middles > before) & (middles < times)  # a knot and a sample may be one rounding error apart
-            new = np.flatnonzero(apart)
-            return np.insert(times, new, middles[apart]), np.insert(passed_by, new, beside[apart])
+        find = self._halved if self.halved else self._between
         if self.drive is not None:
-            return self._between(start, end)
-        found: Stops = self._kept("between", (start, end), lambda: self._between(start, end))
+            return find(start, end)
+        found: Stops = self._kept("between", (start, end), lambda: find(start, end))
         return found
+
+    def _halved(self, start: float, end: float) -> Stops:
+        times, passed_by = self._between(start, end)
+        before = np.append(start, times[:-1])
+        middles, beside = (before + times) / 2, np.minimum(np.append(np.inf, passed_by[:-1]), passed_by)
+        apart = (middles > before) & (middles < times)  # a knot and a sample may be one rounding error apart
+        new = np.flatnonzero(apart)
+        return np.insert(times, new, middles[apart]), np.insert(passed_by, new, beside[apart])
 
     def _between(self, start: float, end: float) -> Stops:
         fixed = self.fixed[bisect_right(self.fixed, start) : bisect_left(self.fixed, end)]

@@ -24,6 +24,7 @@ from msgspec.structs import replace
 
 from flexlink.chain.size import on_elastic_gears
 from flexlink.common.errors import Diagnostic
+from flexlink.common.memo import keep_last
 from flexlink.common.types import Array
 from flexlink.describe.run_settings import AUTO, RunSettings
 from flexlink.describe.schemes.methods import method
@@ -119,9 +120,14 @@ def coarser_run(monitor: Monitor) -> RunSettings | None:
     lasts = monitor.stated is None or monitor.stated.tip[-1] > monitor.tolerance
     if steps_alike or lasts or record.follows_vibrations or monitor.suspicious or multiplies(monitor):
         return None
-    given = "relative_tolerance" if run.tolerance is None else "tolerance"
-    coarser = {"method": monitor.steps.method, given: Thresholds.coarser * run.tolerance_within(1.0)}
-    settings: RunSettings = build_validated(replace, run, sample=run.spacing, **coarser)
+    return _with(run, monitor.steps.method, Thresholds.coarser * run.tolerance_within(1.0))
+
+
+@keep_last(64)
+def _with(run: RunSettings, name: str, tolerance: float) -> RunSettings:
+    """Settings of a run with another method and tolerance, of the kind that is given."""
+    given = {"relative_tolerance" if run.tolerance is None else "tolerance": tolerance}
+    settings: RunSettings = build_validated(replace, run, method=name, sample=run.spacing, **given)
     return settings
 
 
@@ -134,14 +140,14 @@ def runs_of_other_order(run: RunSettings, name: str, size: float, least: float =
     """
     same = method(name).explicit or name == Thresholds.finer
     other, part = (name, min(part, STRICTER)) if same else (Thresholds.finer, part)
-    given, size = ("relative_tolerance", size) if run.tolerance is None else ("tolerance", 1.0)
+    size = size if run.tolerance is None else 1.0
     before, least = math.inf, 0.0 if run.accuracy == "deflection" else least / size
     for _ in range(Thresholds.runs):
         tolerance = max(least, part * run.tolerance_within(1.0))
         if not tolerance < before:
             return
-        before, finer = tolerance, {"method": other, given: tolerance, "sample": run.spacing}
-        distance = yield build_validated(replace, run, **finer)
+        before = tolerance
+        distance = yield _with(run, other, tolerance)
         part *= min(STRICTER, STRICTER**0.5 / distance) if distance else STRICTER
 
 

@@ -41,7 +41,7 @@ class Record:
         self, problem: InitialValueProblem, t: Array, q: Array, qd: Array, others: tuple[Array, ...] | None = None,
         kept: Kept | None = None,
     ) -> None:  # fmt: skip
-        self.run, self.chain, self.inputs, self.base = problem.run, problem.chain, problem.inputs, problem.base
+        self.chain, self.inputs, self.base = problem.chain, problem.inputs, problem.base
         self.kept = Kept() if kept is None else kept  # workspace and machine code, which consecutive runs reuse
         self._derive: Callable[..., None] | None = None
         self.hold(problem, t, q, qd, others)
@@ -49,8 +49,8 @@ class Record:
     def hold(
         self, problem: InitialValueProblem, t: Array, q: Array, qd: Array, others: tuple[Array, ...] | None = None
     ) -> None:
-        """Hold the samples of another run of the same problem, from another initial state."""
-        self.problem, self.t, self.q, self.qd = problem, t, q, qd
+        """Hold the samples of another run of the same problem, from another initial state or with another tolerance."""
+        self.problem, self.run, self.t, self.q, self.qd = problem, problem.run, t, q, qd
         # works: integrated, without the work of a constant tip force, which follows from its potential; so_far: step
         # counts and largest deflection up to each sample (samples, SO_FAR.size)
         self.tau, self.tip, self.energy, self.works, self.so_far = (
