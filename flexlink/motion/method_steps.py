@@ -29,7 +29,7 @@ from flexlink.kernels.stepping.step_state import COUNT, SO_FAR, STEPPER
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.motion.inputs.actuation import acting_at
 from flexlink.motion.inputs.drives import remembered as remembered_by
-from flexlink.motion.method_choice import cheapest, fastest_motion, prices
+from flexlink.motion.method_choice import cheapest, fastest_motion, prices, tumbles
 from flexlink.motion.step_workspace import FEW_PASSES, drive_gains, friction_laws, remembered, stages_of, workspace
 from flexlink.motion.stop_times import SHORTEST, StopTimes, only
 from flexlink.motion.tolerable import Thresholds
@@ -94,26 +94,28 @@ class MethodSteps:
         self.memory, self.tau, self.count = np.zeros(3 * n + 2), np.zeros(n), np.zeros(COUNT.size, np.int64)
         self.state = self.memory[:n], self.memory[n : 2 * n], self.memory[2 * n : -2], self.memory[-2:]
         self.forward = record.scratch
-        self._started: tuple[Any, ...] = (None,)
+        self._started: tuple[Any, tuple[Any, ...]] = None, ()
         self.start(record)
 
     def start(self, record: Record) -> None:
-        """Start from the first sample of a record; after a start from the same state everything is already prepared."""
+        """Start from the first sample of a record; from the third start in one state on, everything is prepared."""
         memory = remembered_by(record.inputs.drive)
         state = record.q[0], record.qd[0], record.t[:1], *memory
         about = [record.run, *(array.tobytes() for array in state)]
-        started = self._started
-        if started[0] == about:
-            self.restore(started[1], gains=self.inputs is not self.given)  # else no step wrote to them
-            for array, value in zip(memory, started[2], strict=True):
+        last, prepared = self._started
+        again = last == about
+        if prepared and again:
+            self.restore(prepared[0], gains=self.inputs is not self.given)  # else no step wrote to them
+            for array, value in zip(memory, prepared[1], strict=True):
                 array[...] = value
-        self.record, self.run, self._started = record, record.run, started
+        self.record, self.run = record, record.run
         self.samples = record.t, record.q, record.qd, record.works, record.so_far
-        if started[0] == about:
+        if prepared and again:
             record.q[0], record.qd[0] = self.state[:2]
         else:
             self._prepare()
-            self._started = about, self.saved(), [array.copy() for array in memory]
+            prepared = (self.saved(), [array.copy() for array in memory]) if again else ()
+        self._started = about, prepared
 
     def _prepare(self) -> None:
         """Choose the method and its settings, and evaluate the initial state."""
@@ -285,7 +287,7 @@ class MethodSteps:
         stops = lambda: StopTimes(rule, record, self.by_drive, halved=self.halved, passes=self.passes)  # noqa: E731
         self.prices = prices(record, explicit=rule.explicit)
         of_the_run = self.run, self.halved, self.passes, rule, start
-        self.stop_times = record.kept(("stops", self.name), (*of_the_run, record.q[0].tobytes()), stops)
+        self.stop_times = record.kept(("stops", self.name), (*of_the_run, tumbles(record)), stops)
         place = "settings", self.name, now == start  # settings differ between the start and a switch
         self.settings = record.kept(place, (*of_the_run, now, *about), lambda: self._settings(now))
         self.end, self.knots = now, only(now)
