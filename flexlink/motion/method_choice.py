@@ -6,6 +6,7 @@ import functools
 
 import numpy as np
 
+from flexlink.common.memo import Memo
 from flexlink.common.types import Array
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.forces import damping_slope, has_potential, linearised
@@ -81,9 +82,25 @@ def reads_rates(record: Record) -> bool:
     return record.inputs.drive.rate > 0 and bool((record.chain.stiffness > 0).any())
 
 
+PRICES = Memo(64)
+"""Cache of the costs of operations, which arms of one layout and with like drives share."""
+
+
 def prices(record: Record, *, explicit: bool) -> list[float]:
     """CPU time of each of the `OPERATIONS` on a record's chain [s]."""
-    find = functools.partial(operation_costs, record.chain, explicit=explicit, drive=record.inputs.drive)
+    chain, drive = record.chain, record.inputs.drive
+
+    def find() -> list[float]:
+        about = drive.law, len(drive.joints), drive.rate > 0, min(drive.effort.tolist(), default=np.inf) < np.inf
+        kind = (
+            chain.arrays.rare is None,
+            len(chain.couplings),
+            np.count_nonzero(chain.hinges["coulomb"]),
+            chain.freedoms,
+        )
+        find = functools.partial(operation_costs, chain, explicit=explicit, drive=drive)
+        return PRICES(chain.coordinates, (explicit, *about, *kind), find)
+
     found: list[float] = record.kept(("prices", explicit), None, find)
     return found
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.common.errors import SceneError
-from flexlink.common.memo import Kept
+from flexlink.common.memo import Kept, Memo, contents
 from flexlink.common.types import Array
 from flexlink.data.documents import is_user_file
 from flexlink.describe.run_settings import AUTO, RunSettings
@@ -421,6 +421,10 @@ def with_own_limits(inputs: Inputs) -> Inputs:
     return inputs._replace(drive=inputs.drive._replace(limits=inputs.drive.limits.copy()))
 
 
+LONGEST = Memo(16)
+"""Cache of stable steps, which a run and those that it is compared with share."""
+
+
 def longest_step(name: str, record: Record, span: float, t: float, state: tuple[Array, ...]) -> float:
     """Largest stable step [s] of an explicit method about a state t, q, q̇; with a longer step errors would grow.
 
@@ -428,9 +432,15 @@ def longest_step(name: str, record: Record, span: float, t: float, state: tuple[
     """
     chain, (q, qd, *_) = record.chain, state
     acting = acting_at(record.inputs, chain, t, q, qd)
-    if _matters(name, span, *eigenvalue_bounds([(chain, q, qd)], [acting])):
-        return stable_step(chain, q, qd, method=name, **acting)
-    return np.inf
+
+    def find() -> float:
+        if _matters(name, span, *eigenvalue_bounds([(chain, q, qd)], [acting])):
+            return stable_step(chain, q, qd, method=name, **acting)
+        return np.inf
+
+    if is_user_file(name):
+        return find()
+    return LONGEST(chain, contents((name, span, q, qd, *acting.values())), find)
 
 
 def longest_step_of(name: str, span: float, ω: float, δ: float) -> float:
