@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import functools
+from typing import Any
 
 import numpy as np
 
 from flexlink.common.memo import Memo
 from flexlink.common.types import Array
+from flexlink.data.documents import is_user_file
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.forces import damping_slope, has_potential, linearised
 from flexlink.dynamics.vibration.extremes import fastest_of, scratch
@@ -83,26 +85,13 @@ def reads_rates(record: Record) -> bool:
 
 
 PRICES = Memo(64)
-"""Cache of the costs of operations, which arms of one layout and with like drives share."""
+"""Cache of the costs of operations and steps, which arms of one layout and with like drives share."""
 
 
 def prices(record: Record, *, explicit: bool) -> list[float]:
     """CPU time of each of the `OPERATIONS` on a record's chain [s]."""
-    chain, drive = record.chain, record.inputs.drive
-
-    def find() -> list[float]:
-        about = drive.law, len(drive.joints), drive.rate > 0, min(drive.effort.tolist(), default=np.inf) < np.inf
-        kind = (
-            chain.arrays.rare is None,
-            len(chain.couplings),
-            np.count_nonzero(chain.hinges["coulomb"]),
-            chain.freedoms,
-        )
-        find = functools.partial(operation_costs, chain, explicit=explicit, drive=drive)
-        return PRICES(chain.coordinates, (explicit, *about, *kind), find)
-
-    found: list[float] = record.kept(("prices", explicit), None, find)
-    return found
+    find = functools.partial(operation_costs, record.chain, explicit=explicit, drive=record.inputs.drive)
+    return PRICES(record.chain.coordinates, (explicit, *_kind(record)), find)
 
 
 def price_of_a_step(record: Record, name: str) -> float:
@@ -112,7 +101,20 @@ def price_of_a_step(record: Record, name: str) -> float:
         rule = method(name)
         return cost_of_a_step(prices(record, explicit=rule.explicit), rule.stages, explicit=rule.explicit)
 
-    found: float = record.kept(("price", name), None, find)
+    return find() if is_user_file(name) else PRICES(record.chain.coordinates, (name, *_kind(record)), find)
+
+
+def _kind(record: Record) -> tuple[Any, ...]:
+    """Everything on which the cost of an operation depends, besides the layout of the chain."""
+    chain, drive = record.chain, record.inputs.drive
+
+    def find() -> tuple[Any, ...]:
+        limited = min(drive.effort.tolist(), default=np.inf) < np.inf
+        dry, plain = np.count_nonzero(chain.hinges["coulomb"]), chain.arrays.rare is None
+        of_the_drive = drive.law, len(drive.joints), drive.rate > 0, limited
+        return chain.is_planar, plain, len(chain.couplings), dry, chain.freedoms, *of_the_drive
+
+    found: tuple[Any, ...] = record.kept("kind of costs", None, find)
     return found
 
 

@@ -30,7 +30,15 @@ from flexlink.kernels.tools.machine_code import direct
 from flexlink.motion.inputs.actuation import acting_at
 from flexlink.motion.inputs.drives import remembered as remembered_by
 from flexlink.motion.method_choice import cheapest, fastest_motion, prices, tumbles
-from flexlink.motion.step_workspace import FEW_PASSES, drive_gains, friction_laws, remembered, stages_of, workspace
+from flexlink.motion.step_workspace import (
+    FEW_PASSES,
+    drive_gains,
+    friction_laws,
+    own_gains,
+    remembered,
+    stages_of,
+    workspace,
+)
 from flexlink.motion.stop_times import SHORTEST, StopTimes, only
 from flexlink.motion.tolerable import Thresholds
 from flexlink.results.record import Record
@@ -90,7 +98,7 @@ class MethodSteps:
         self.by_drive, self.halved, self.passes = by_drive, halved, passes
         self.given, self.inputs = record.inputs, with_own_limits(record.inputs)
         self.read = np.zeros(n)
-        self._gains: tuple[Inputs, tuple[Array, ...]] = record.inputs, drive_gains(record.chain, record.inputs)
+        self._gains: tuple[Inputs, tuple[Array, ...]] = record.inputs, own_gains(record)
         self.memory, self.tau, self.count = np.zeros(3 * n + 2), np.zeros(n), np.zeros(COUNT.size, np.int64)
         self.state = self.memory[:n], self.memory[n : 2 * n], self.memory[2 * n : -2], self.memory[-2:]
         self.forward = record.scratch

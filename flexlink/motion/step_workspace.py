@@ -44,7 +44,7 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     numbers[STEPPER.inverse_ω1], numbers[STEPPER.rounding] = 1.0 / slowest, rounding.of_position(chain)
     numbers[STEPPER.max_iterations] = FEW_PASSES if record.run.controlled else of_fixed_step
     numbers[STEPPER.far] = FAR if chain.has_free_base else 0.0
-    gains = drive_gains(chain, record.inputs)
+    gains = own_gains(record)
     kp, kd, kick = (gain.copy() for gain in gains)
     free = (chain.stiffness == 0.0) & (gains[0] == 0.0) & ~chain.held
     numbers[STEPPER.coast] = record.run.duration if record.run.controlled and free.any() else 0.0
@@ -93,6 +93,13 @@ def stage_postures(chain: Chain, s: int, posture: Posture) -> Posture:
 def posture_of(chain: Chain) -> Posture:
     """Workspace for configurations of the chain, with the radii that convert rotations into lengths."""
     return scratch(chain)._replace(radius=chain.turning_radii)
+
+
+def own_gains(record: Record) -> tuple[Array, Array, Array]:
+    """The `drive_gains` of the drive of a record."""
+    found: tuple[Array, Array, Array]
+    found = record.kept("gains", id(record.inputs), lambda: drive_gains(record.chain, record.inputs))
+    return found
 
 
 def drive_gains(chain: Chain, inputs: Inputs) -> tuple[Array, Array, Array]:
