@@ -132,6 +132,9 @@ class MethodSteps:
         posture = record.q[0] if run.controlled else np.zeros(record.chain.n)
         self.slowest = record.kept("slowest", about, lambda: slowest_frequency(record.chain, posture))
         record.begin()
+        if self.given is not record.inputs:  # a simulator has acted
+            self.given, self.inputs = record.inputs, with_own_limits(record.inputs)
+            self._gains = record.inputs, own_gains(record)
         self.memory[:], self.count[:], self.read[:] = 0.0, 0, 0.0
         self.state[0][:], self.state[1][:] = record.q[0], record.qd[0]
         self.methods: tuple[tuple[int, str, str], ...] = ()

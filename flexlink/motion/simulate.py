@@ -17,7 +17,6 @@ from flexlink.describe.run_settings import Accuracy, ForwardSolver, Unstable
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.motion.budget import warn
-from flexlink.motion.inputs.drives import remembered
 from flexlink.motion.inputs.problem import problem_of, started, started_from
 from flexlink.motion.single_run import SingleRun, prepared_run
 from flexlink.results.samples import State, StatedError
@@ -255,8 +254,6 @@ class Problem:
             problem, kept = problem_of(self.scene, self.chain), Kept()
         try:
             drive = problem.inputs.drive
-            for array in remembered(drive):
-                array[...] = 0
             stored = drive.held.shape[1] if drive.rate else len(self.chain.active)
             if before is not None and len(before) and before.shape[1] != 1 + stored:
                 raise ArgumentError(

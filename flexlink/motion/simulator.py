@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import positive, require_type, vector
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, Diagnostic
+from flexlink.common.memo import Kept
 from flexlink.common.types import Array
 from flexlink.common.wording import short_list
 from flexlink.describe.numbers import parts, whole
@@ -21,9 +22,9 @@ from flexlink.motion.adaptive_steps import AdaptiveSteps
 from flexlink.motion.hindrance import held_torques_advice
 from flexlink.motion.inputs.actuation import drive_for
 from flexlink.motion.inputs.drives import effort_of, held_torques, remembered
-from flexlink.motion.inputs.problem import problem_of, started_from
+from flexlink.motion.inputs.problem import problem_of, started, started_from
 from flexlink.motion.sampled_control import impulses, nothing_read, sample_at
-from flexlink.motion.single_run import SingleRun
+from flexlink.motion.single_run import prepared_run
 from flexlink.motion.verification import exceeded, is_exceeded, runs_of_other_order
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.samples import State
@@ -77,6 +78,7 @@ class Simulator:
         self._held = held_torques(
             self.chain, np.zeros(1), np.zeros((1, len(self.chain.active))), effort_of(scene, self.chain)
         )
+        self._problem, self._kept = problem_of(self._scene, self.chain), Kept()
         self._readings: dict[str, float] = {}
         self._lengths: dict[float, int] = {}  # number of fixed steps of each duration used so far
         self.reset()
@@ -111,7 +113,8 @@ class Simulator:
         0.0
         """
         scene = started_from(self._scene, q, qd, time)
-        single = SingleRun(problem_of(scene, self.chain), rows=1)
+        problem = self._problem if scene is self._scene else started(self._problem, scene)
+        single = prepared_run(problem, self._kept, rows=1)
         self._monitor, self._steps = single.monitor, single.steps
         self._run, self._record = self._monitor.run, self._monitor.record
         inputs = self._record.inputs

@@ -114,7 +114,7 @@ class SingleRun:
         _identify_types(record)
         self.monitor = Monitor(record, _step_warnings(record) if warnings is None else warnings, control)
         self.monitor.before = motion
-        self._before, self._warned = before, False
+        self._rows, self._before, self._warned = rows, before, False
         if control is not None:
             try:
                 control.note(0, problem.q, problem.qd)
@@ -128,7 +128,7 @@ class SingleRun:
         if before is not None:
             recall(problem.inputs.drive, before)
         record = self.monitor.record
-        record.hold(problem, *_samples(problem, None, record.kept))
+        record.hold(problem, *_samples(problem, self._rows, record.kept))
         self.monitor.start(_step_warnings(record))
         self.monitor.before = motion
         self._before, self._warned = before, False
@@ -216,16 +216,19 @@ def _control(
 
 
 def prepared_run(
-    problem: InitialValueProblem, kept: Kept, before: Array | None, motion: StatedError | None, halved: bool = False
-) -> SingleRun:
+    problem: InitialValueProblem, kept: Kept, before: Array | None = None, motion: StatedError | None = None,
+    *, halved: bool = False, rows: int | None = None,
+) -> SingleRun:  # fmt: skip
     """A run without a law in Python that is ready to start: the last one of the same problem, or a new one.
 
     Arguments as in `SingleRun`; only one run of `kept` may be in use.
     """
+    for array in remembered(problem.inputs.drive):
+        array[...] = 0
     new: list[SingleRun] = []
 
     def find() -> SingleRun:
-        new.append(SingleRun(problem, before=before, kept=kept, motion=motion, halved=halved))
+        new.append(SingleRun(problem, before=before, kept=kept, motion=motion, halved=halved, rows=rows))
         return new[0]
 
     about = halved, problem.explicit, problem.run.unstable, id(problem.chain), id(problem.inputs)
@@ -359,9 +362,7 @@ def _other(
             again = dataclasses.replace(again, scene=scene, q=problem.q, qd=problem.qd)
         else:
             again = started(again, started_from(scene, start[1], start[2], start[0]))
-        for array in remembered(again.inputs.drive):
-            array[...] = 0
-        other = prepared_run(again, record.kept(("kept", k), longer, Kept), before, None, halved)
+        other = prepared_run(again, record.kept(("kept", k), longer, Kept), before, halved=halved)
         cast("AdaptiveSteps", other.steps).budget.most = min(run.max_evaluations, most)
         other.advance(stop)
     except FlexlinkError:
