@@ -171,7 +171,7 @@ def jacobian(
     """
     if is_batch(q):
         return each(jacobian, chain, {"q": q}, body=body, tip=tip, point=point)
-    number, offset = body_number(chain, body, tip), np.zeros(3)
+    number, offset = body_number(chain, body, tip), ORIGIN
     if point is not None:
         offset = chain.described["link"][number] @ vector("point", point, 3)
     found = np.empty((2, 3, chain.n))
@@ -181,7 +181,11 @@ def jacobian(
         if not columns(number, offset, q, found):
             raise beyond_float64("a position", q=q)
     found.setflags(write=False)  # also makes its parts read-only
-    return Jacobian(found[0], found[1])
+    return Jacobian.of_read_only(linear=found[0], angular=found[1])
+
+
+ORIGIN = np.zeros(3)
+"""The origin of a body's frame; it stays writable, as the compiled function expects."""
 
 
 @bound
