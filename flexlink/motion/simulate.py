@@ -12,10 +12,12 @@ from flexlink.chain.arguments import refuse_unknown, require_callable, require_t
 from flexlink.common.errors import ArgumentError
 from flexlink.common.interruption import deferred
 from flexlink.common.memo import Kept, Memo
+from flexlink.common.types import Array
 from flexlink.data.documents import is_user_file
 from flexlink.describe.run_settings import Accuracy, ForwardSolver, Unstable
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
+from flexlink.kernels.inputs.record import Drive
 from flexlink.motion.budget import warn
 from flexlink.motion.inputs.problem import problem_of, started, started_from
 from flexlink.motion.single_run import SingleRun, prepared_run
@@ -247,20 +249,14 @@ class Problem:
         progress: Callable[[float], None] | None,
     ) -> Trajectory:
         """A run from a state, with what the run before it, `after`, hands on."""
-        before = None if after is None else after.delayed
+        before = None if after is None or not len(after.delayed) else after.delayed
         try:
             problem, kept = self._idle.pop()
         except IndexError:  # in use by another thread
             problem, kept = problem_of(self.scene, self.chain), Kept()
         try:
-            drive = problem.inputs.drive
-            stored = drive.held.shape[1] if drive.rate else len(self.chain.active)
-            if before is not None and len(before) and before.shape[1] != 1 + stored:
-                raise ArgumentError(
-                    f"after: the drive of that run stores {before.shape[1] - 1} numbers at each instant (torques, then "
-                    f"its memory), this one {stored}; start from its state: q0, qd0 and t0",
-                    id="wrong-shape",
-                )
+            if before is not None:
+                self._check_stored(before, problem.inputs.drive)
             scene = started_from(self.scene, *start)
             begun = problem if scene is self.scene else started(problem, scene)
             motion = continued(after, scene)
@@ -272,6 +268,15 @@ class Problem:
                 return run.finish(stop, progress, warn=warn)
         finally:
             self._idle.append((problem, kept))
+
+    def _check_stored(self, before: Array, drive: Drive) -> None:
+        stored = drive.held.shape[1] if drive.rate else len(self.chain.active)
+        if before.shape[1] != 1 + stored:
+            raise ArgumentError(
+                f"after: the drive of that run stores {before.shape[1] - 1} numbers at each instant (torques, then "
+                f"its memory), this one {stored}; start from its state: q0, qd0 and t0",
+                id="wrong-shape",
+            )
 
 
 def continued(after: Trajectory | None, scene: Scene) -> StatedError | None:

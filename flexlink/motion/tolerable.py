@@ -199,7 +199,7 @@ def _described(
 ) -> StatedError:
     record = first.record
     start = record.state(0)
-    travelled, drifting, drifted = run.travelled, run.drifting, float(displaced(run)[-1])
+    travelled, drifting, drifted = run.travelled, run.drifting, displaced(run).item(-1)
     if (before := first.before) is not None:
         start, travelled, drifting = before.start, before.travelled + travelled, before.drifting + drifting
     tip.setflags(write=False)
@@ -211,7 +211,7 @@ def _described(
 def displaced(run: Monitor) -> Array:
     """Estimated displacement by errors of rates that last [m], in this and earlier runs, at the valid samples."""
     own, before, t = run.record.so_far[: run.n_valid, SO_FAR.drifted], run.before, run.record.t
-    return np.asarray(own if before is None else own + before.drifted + before.drifting * (t[: run.n_valid] - t[0]))
+    return own if before is None else np.asarray(own + before.drifted + before.drifting * (t[: run.n_valid] - t[0]))
 
 
 def extrapolated(found: StatedError, run: Monitor, coarser: Monitor) -> StatedError:

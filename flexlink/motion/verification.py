@@ -84,8 +84,8 @@ def needs_comparison(monitor: Monitor) -> bool:
     if stated is None or monitor.n_valid < 2:
         return False
     after = monitor.before is not None and monitor.before.end is not None
-    estimated = max(2.0 * Thresholds.lasting * stated.drifted, stated.tip[-1]) > Thresholds.large * stated.allowed
-    read = monitor.record.follows_vibrations and monitor.run.accuracy == "auto"
+    estimated = max(2.0 * Thresholds.lasting * stated.drifted, stated.tip.item(-1)) > Thresholds.large * stated.allowed
+    read = monitor.run.accuracy == "auto" and monitor.record.follows_vibrations
     return bool(after or estimated or read or monitor.suspicious or _switches(monitor) or multiplies(monitor))
 
 
@@ -98,7 +98,7 @@ def _switches(monitor: Monitor) -> bool:
     holds nothing: the arm may balance like an upright pendulum, and so amplify errors.
     """
     record, drive, steps = monitor.record, monitor.record.inputs.drive, monitor.steps
-    jumps, taken = len(corners(drive)) * (drive.law == TABLE) + steps.rejected, steps.taken
+    jumps, taken = (len(corners(drive)) if drive.law == TABLE else 0) + steps.rejected, steps.taken
     if drive.law == COMPUTED_TORQUE and not drive.rate and len(on_elastic_gears(record.chain.arrays)) > 0:
         return True
     at_limit = 0.0
