@@ -143,6 +143,10 @@ def simulate(
     return problem._simulated((None, None, None), control, rate, delay, after, progress)
 
 
+MANY = 100_000
+"""Numbers in the samples of a run from which on they are not kept for the next run, whose preparation costs less."""
+
+
 class Problem:
     """A scene prepared once for many simulations with different initial states, durations or control laws.
 
@@ -267,7 +271,8 @@ class Problem:
             with deferred() as stop:
                 return run.finish(stop, progress, warn=warn)
         finally:
-            self._idle.append((problem, kept))
+            few = self.scene.run.samples * self.chain.n < MANY
+            self._idle.append((problem, kept if few else Kept()))
 
     def _check_stored(self, before: Array, drive: Drive) -> None:
         stored = drive.held.shape[1] if drive.rate else len(self.chain.active)
