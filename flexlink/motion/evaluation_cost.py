@@ -101,6 +101,13 @@ def parts_of(chain: Chain, drive: Drive | None) -> Array:
     return np.array([1.0, *bodies_of(chain), len(chain.couplings), dry, driven, model])
 
 
+def counted(chain: Chain, drive: Drive) -> tuple[float, ...]:
+    """Everything on which the cost of an operation depends, besides the layout of the chain."""
+    limited, dry = min(drive.effort.tolist(), default=np.inf) < np.inf, np.count_nonzero(chain.hinges["coulomb"])
+    of_the_chain = chain.is_planar, chain.arrays.rare is None, len(chain.couplings), int(dry), chain.freedoms
+    return *of_the_chain, drive.law, len(drive.joints), drive.rate > 0, limited
+
+
 def operation_costs(chain: Chain, *, explicit: bool, drive: Drive | None = None) -> list[float]:
     """CPU time of each of the `OPERATIONS` [s] on a chain with its drive, if it has one.
 

@@ -13,7 +13,7 @@ from flexlink.data.documents import is_user_file
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.forces import damping_slope, has_potential, linearised
 from flexlink.dynamics.vibration.extremes import fastest_of, scratch
-from flexlink.motion.evaluation_cost import cost_of_a_step, operation_costs
+from flexlink.motion.evaluation_cost import cost_of_a_step, counted, operation_costs
 from flexlink.motion.inputs.drives import gains_at_zero
 from flexlink.motion.inputs.tstops import acts_between_instants
 from flexlink.results.record import Record
@@ -91,7 +91,7 @@ PRICES = Memo(64)
 def prices(record: Record, *, explicit: bool) -> list[float]:
     """CPU time of each of the `OPERATIONS` on a record's chain [s]."""
     find = functools.partial(operation_costs, record.chain, explicit=explicit, drive=record.inputs.drive)
-    return PRICES(record.chain.coordinates, (explicit, *_kind(record)), find)
+    return PRICES(record.chain.coordinates, (explicit, *_counted(record)), find)
 
 
 def price_of_a_step(record: Record, name: str) -> float:
@@ -101,20 +101,11 @@ def price_of_a_step(record: Record, name: str) -> float:
         rule = method(name)
         return cost_of_a_step(prices(record, explicit=rule.explicit), rule.stages, explicit=rule.explicit)
 
-    return find() if is_user_file(name) else PRICES(record.chain.coordinates, (name, *_kind(record)), find)
+    return find() if is_user_file(name) else PRICES(record.chain.coordinates, (name, *_counted(record)), find)
 
 
-def _kind(record: Record) -> tuple[Any, ...]:
-    """Everything on which the cost of an operation depends, besides the layout of the chain."""
-    chain, drive = record.chain, record.inputs.drive
-
-    def find() -> tuple[Any, ...]:
-        limited = min(drive.effort.tolist(), default=np.inf) < np.inf
-        dry, plain = np.count_nonzero(chain.hinges["coulomb"]), chain.arrays.rare is None
-        of_the_drive = drive.law, len(drive.joints), drive.rate > 0, limited
-        return chain.is_planar, plain, len(chain.couplings), dry, chain.freedoms, *of_the_drive
-
-    found: tuple[Any, ...] = record.kept("kind of costs", None, find)
+def _counted(record: Record) -> tuple[Any, ...]:
+    found: tuple[Any, ...] = record.kept("counted", None, lambda: counted(record.chain, record.inputs.drive))
     return found
 
 
