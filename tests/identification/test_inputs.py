@@ -12,7 +12,7 @@ import flexlink as fl
 from flexlink.common.types import Array
 from flexlink.data.smoothing import best_cutoff, noise_of, smoothed
 from flexlink.identification.fitted import Fitted
-from tests.support.fits import boom, problem, write_csv
+from tests.support.fits import TOGETHER, boom, problem, write_csv
 
 pytestmark = pytest.mark.slow
 YOUNG = "material.steel.young"
@@ -33,14 +33,14 @@ def led() -> fl.Scene:
     """The strip, whose joint follows the swing."""
     angle, rate, acceleration = swing()
     motion = fl.PrescribedMotion(link="boom", times=T, angle_deg=angle, rate_deg=rate, acceleration_deg=acceleration)
-    return boom(3, **{"drive": None, "motion": (motion,), "tip.mass": 0.0, "run.duration": 1.2})
+    return boom(3, **{"drive": None, "motion": (motion,), "tip.mass": 0.0, "run.duration": 1.2, **TOGETHER})
 
 
 @functools.cache
 def fitted(cutoff: float | str, noise: float) -> Fitted:
     """Fit E to the tip's position, with 0.1 mm noise, given the recorded angle with `noise` [deg]."""
     scene, rng = led(), np.random.default_rng(3)
-    run = fl.simulate(scene.varied({YOUNG: TRUE, "run.relative_tolerance": 1e-8}))
+    run = fl.simulate(scene.varied({YOUNG: TRUE, "run.step": None, "run.relative_tolerance": 1e-8}))
     seen = run.tip[:, 1] + 1e-4 * rng.standard_normal(len(T))
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "angle.csv"
