@@ -28,7 +28,8 @@ WORD = re.compile(r"[A-Za-z]{2,}")
 
 def test_no_text_uses_a_forbidden_word() -> None:
     """The command of CONTRIBUTING.md, which the test of its blocks leaves out."""
-    done = subprocess.run([sys.executable, "-m", "tests.books.language"], cwd=ROOT, capture_output=True, text=True)
+    command = [sys.executable, "-m", "tests.books.language"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (0, "\n0 words to avoid\n")
 
 
