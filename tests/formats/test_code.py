@@ -70,8 +70,9 @@ def test_rates_and_slopes_equal_those_of_the_solver_up_to_rounding(name: str) ->
 @pytest.mark.parametrize("kind", KINDS)
 def test_code_of_random_arms_solves_equations_of_motion_that_share_no_code_with_the_kernels(kind: str) -> None:
     pytest.importorskip("casadi")
-    for seed, chain in itertools.islice(arms(kind), 3):
-        found = judged(chain, seed, casadi=True)
+    """Both languages are written from one list of operations: one arm of each kind is also run in CasADi."""
+    for count, (seed, chain) in enumerate(itertools.islice(arms(kind), 3)):
+        found = judged(chain, seed, casadi=count == 0)
         assert max(found.values()) <= 1.0, found
 
 

@@ -33,10 +33,13 @@ for path in map(Path, sys.argv[2:]):
 
 
 def exported_as(machine: Machine | None, folder: Path) -> dict[str, str]:
+    """Files written on a machine; for another CPU, kernels run as Python, without fused multiply-adds."""
     folder.mkdir()
     command = [sys.executable, "-c", EXPORT, str(folder), *map(str, [*MODELS, *ROBOTS])]
     own = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}  # set by the tests
-    subprocess.run(command, env=environment(machine, own) if machine else own, cwd=ROOT, check=True)
+    if machine:
+        own = environment(machine, own) | ({"NUMBA_DISABLE_JIT": "1"} if "NUMBA_CPU_NAME" in machine.env else {})
+    subprocess.run(command, env=own, cwd=ROOT, check=True)
     return {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()}
 
 

@@ -15,12 +15,12 @@ from flexlink.cli.main import main
 from flexlink.identification.compared_fits import FitComparison
 from flexlink.identification.fitted import FittedColumn
 from tests.identification.test_fit_first_look import strip
-from tests.support.fits import problem, write_csv
+from tests.support.fits import TOGETHER, problem, write_csv
 from tests.support.words import refused, reviewed
 
 Array = NDArray[np.float64]
 MASS, YOUNG, SOFT = "tip.mass", "material.steel.young", "link.strip.root_stiffness.y"
-TIMES = {"run.duration": 0.8, "run.sample": 0.01}
+TIMES = {"run.duration": 0.8, "run.sample": 0.01, **TOGETHER}
 
 
 def clamped() -> fl.Scene:
@@ -35,7 +35,7 @@ def runs(true: fl.Scene, rng: np.random.Generator, masses: tuple[float, ...] = (
     """Films of the strip with a known mass at its end each, with autocorrelated noise of 0.3 mm."""
     found = []
     for k, mass in enumerate(masses):
-        run = fl.simulate(true.varied({"link.strip.end.mass": mass, "run.relative_tolerance": 1e-8}))
+        run = fl.simulate(true.varied({"link.strip.end.mass": mass, "run.step": None, "run.relative_tolerance": 1e-8}))
         noise = 3e-4 * lfilter([0.8], [1.0, -0.6], rng.standard_normal(len(run.t)))
         columns = {"t [s]": tuple(run.t.tolist()), "tip z [m]": tuple((run.tip[:, 2] + noise).tolist())}
         found.append(fl.fits.FitRun(name=f"film {k}", columns=columns, set={"link.strip.end.mass": mass}))

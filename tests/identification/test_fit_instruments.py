@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 import flexlink as fl
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.identification.fitted import Fitted
-from tests.support.fits import boom, problem
+from tests.support.fits import TOGETHER, boom, problem
 
 pytestmark = pytest.mark.slow
 YOUNG, MASS = "material.steel.young", "tip.mass"
@@ -49,7 +49,7 @@ def measured(**faults: Any) -> fl.fits.FitProblem:
     if faults.pop("swapped", False):
         columns[GYRO], columns[MOTOR] = columns[MOTOR], columns[GYRO]
     data = {name: tuple(column.tolist()) for name, column in columns.items()}
-    return problem(boom(sensor=SENSORS), TRUE, fl.fits.FitRun(name="step", columns=data, **faults), **keys)
+    return problem(boom(sensor=SENSORS, **TOGETHER), TRUE, fl.fits.FitRun(name="step", columns=data, **faults), **keys)
 
 
 def ids(found: Fitted) -> list[str]:

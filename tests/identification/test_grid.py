@@ -9,7 +9,7 @@ from msgspec.structs import replace
 import flexlink as fl
 from flexlink.describe.variants import refined, segments_in_words
 from flexlink.identification.fitted import Fitted
-from tests.support.fits import boom, problem
+from tests.support.fits import TOGETHER, boom, problem
 
 pytestmark = pytest.mark.slow
 YOUNG, MASS = "material.steel.young", "tip.mass"
@@ -25,7 +25,7 @@ def measured(segments: int, true: int = 25, sensor: fl.Sensor = IMU, noise: floa
     y = run.columns[head]
     seen = y + noise * np.ptp(y) * np.random.default_rng(1).standard_normal(len(y))
     step = fl.fits.FitRun(name="step", columns={"t [s]": tuple(run.t.tolist()), head: tuple(seen.tolist())})
-    return problem(boom(segments, sensor=(sensor,)), TRUE, step)
+    return problem(boom(segments, sensor=(sensor,), **TOGETHER | {"run.step": 5e-4}), TRUE, step)
 
 
 @functools.cache

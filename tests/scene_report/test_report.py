@@ -28,7 +28,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def scene() -> fl.Scene:
-    return fl.load_scene(ROOT / "models" / "ptp_move.toml").varied({"run.duration": 2.0})
+    return fl.load_scene(ROOT / "models" / "ptp_move.toml").varied({"run.duration": 1.0})
 
 
 @pytest.fixture(scope="module")

@@ -19,6 +19,7 @@ from flexlink.describe.scene_file import load_scene
 from flexlink.describe.spec import Spec, decode
 from flexlink.engines import Engine
 from validation.case import CASES, Case, load_case
+from validation.formulations.ladder import FORMULATIONS
 from validation.measuring import measure
 from validation.store import Row
 
@@ -56,6 +57,7 @@ class Cut(Spec, frozen=True):
     only: tuple[str, ...] = ()  # quantities; default: all
     change: dict[str, Any] = msgspec.field(default_factory=dict)  # changes of all scenes
     stand_in: dict[str, str] = msgspec.field(default_factory=dict)  # engine that may be missing → its substitute
+    element: dict[str, str] = msgspec.field(default_factory=dict)  # formulation → its kind of element
 
     def __str__(self) -> str:
         return self.case
@@ -90,6 +92,8 @@ class Cut(Spec, frozen=True):
             patch.setattr(Case, "scene_files", property(files))
             patch.setattr(Case, "load_scenes", scenes)
             patch.setattr(engines, "load", load)
+            for name, element in self.element.items():
+                patch.setitem(FORMULATIONS, name, FORMULATIONS[name]._replace(element=element))
             return [row for row in measure(case, "") if isinstance(row, Row)]
 
 
