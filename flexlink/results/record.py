@@ -14,7 +14,7 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics import rounding
 from flexlink.dynamics.conserved import Energy, Momentum, momentum_of_states
-from flexlink.dynamics.floating_base import ANGLES, FAR
+from flexlink.dynamics.floating_base import ANGLES, FAR, FloatingBase, References
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.kernels.stepping.samples import derive, prescribed_torques
 from flexlink.kernels.stepping.step_state import SO_FAR
@@ -171,9 +171,9 @@ class Record:
         wrench = joined([self.inputs.tip_wrenches(self.t[k], self.q[k], self.qd[k]) for k in self.parts(0, stop)])
         q, qd, chain, motion = self.q, self.qd, self.chain, None
         if self.base is not None:
-            parts = [momentum_of_states(chain, q[part], qd[part]) for part in self.parts(0, stop)]
-            momentum = Momentum(*map(joined, zip(*parts, strict=True)))
-            q, qd, attitude, spin = self.base.from_the_start(q[:stop], qd[:stop])
+            moved = _kept(q, stop), _kept(qd, stop)
+            momentum = functools.partial(_momentum, self.base, [*self.base.references], *moved)
+            q, qd, attitude, spin = self.base.from_the_start(*moved)
             chain, motion = self.base.original, BaseMotion(attitude, spin, momentum)
         for array in (q, qd, self.tau, self.tip, self.energy, wrench, *([] if work is None else [work])):
             array.setflags(write=False)
@@ -191,6 +191,13 @@ def noted(problem: InitialValueProblem, rows: int) -> Array:
     if problem.explicit:
         so_far[:, SO_FAR.steps] = problem.run.steps_per_sample * np.arange(rows)
     return so_far
+
+
+def _momentum(base: FloatingBase, references: References, q: Array, qd: Array) -> Momentum:
+    """Momentum at the samples of a run, from its coordinates and reference attitudes."""
+    base = base.retraced(references)
+    parts = [momentum_of_states(base.chain, q[part], qd[part]) for part in base.parts(0, len(q))]
+    return Momentum(*map(joined, zip(*parts, strict=True)))
 
 
 def joined(parts: Sequence[Array]) -> Array:
