@@ -11,7 +11,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -177,13 +177,11 @@ def quaternion_from_matrix(R: Array) -> tuple[float, float, float, float]:
 def matrix_from_quaternion(q: Sequence[float]) -> Array:
     """R of a unit quaternion (w, x, y, z)."""
     w, x, y, z = q
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    return np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ])  # fmt: skip
 
 
 # Rotations R = Rx Ry Rz by three angles, as those of a floating base from its reference attitude. At zero angles, their
@@ -200,38 +198,24 @@ def reference_rotation(base: BaseState) -> Array:
 
 
 def rotations_of(angles: Array) -> Array:
-    """R = Rx Ry Rz for three angles (…, 3) [rad], shape (…, 3, 3)."""
-    (cx, cy, cz), (sx, sy, sz) = _parts(np.cos(angles)), _parts(np.sin(angles))
-    return _matrices(
+    """R = Rx Ry Rz for three angles [rad], shape (3, 3)."""
+    (cx, cy, cz), (sx, sy, sz) = np.cos(angles), np.sin(angles)
+    return np.array([
         [cy * cz, -cy * sz, sy],
         [cx * sz + sx * sy * cz, cx * cz - sx * sy * sz, -sx * cy],
         [sx * sz - cx * sy * cz, sx * cz + cx * sy * sz, cx * cy],
-    )
+    ])  # fmt: skip
 
 
 def rates_matrices(angles: Array) -> Array:
-    """S in ω = S φ̇, ω in axes of the base, φ̇ rates of the angles, (…, 3, 3); det S = cos of the angle about Y."""
-    (_, cy, cz), (_, sy, sz) = _parts(np.cos(angles)), _parts(np.sin(angles))
-    return _matrices([cy * cz, sz, 0.0], [-cy * sz, cz, 0.0], [sy, 0.0, 1.0])
+    """S in ω = S φ̇, ω in axes of the base, φ̇ rates of the angles, (3, 3); det S = cos of the angle about Y."""
+    (_, cy, cz), (_, sy, sz) = np.cos(angles), np.sin(angles)
+    return np.array([[cy * cz, sz, 0.0], [-cy * sz, cz, 0.0], [sy, 0.0, 1.0]])
 
 
 def rates_matrices_changing(angles: Array, rates: Array) -> Array:
-    """Ṡ in ω̇ = S φ̈ + Ṡ φ̇, shape (…, 3, 3)."""
-    (_, cy, cz), (_, sy, sz), (_, y, z) = _parts(np.cos(angles)), _parts(np.sin(angles)), _parts(np.asarray(rates))
-    return _matrices(
+    """Ṡ in ω̇ = S φ̈ + Ṡ φ̇, shape (3, 3)."""
+    (_, cy, cz), (_, sy, sz), (_, y, z) = np.cos(angles), np.sin(angles), rates
+    return np.array([
         [-y * sy * cz - z * cy * sz, z * cz, 0.0], [y * sy * sz - z * cy * cz, -z * sz, 0.0], [y * cy, 0.0, 0.0]
-    )
-
-
-def _parts(vectors: Array) -> tuple[Array, Array, Array]:
-    return vectors[..., 0], vectors[..., 1], vectors[..., 2]
-
-
-def _matrices(*rows: list[Any]) -> Array:
-    """Matrices from their elements, scalars or arrays of the first one's shape; `np.stack` takes ten times as long."""
-    first = np.asarray(rows[0][0])
-    found = np.empty((*first.shape, 3, 3), first.dtype)
-    for i, row in enumerate(rows):
-        for j, element in enumerate(row):
-            found[..., i, j] = element
-    return found
+    ])  # fmt: skip

@@ -16,6 +16,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.rigid import matrix_from_quaternion, quaternion_from_matrix, rates_matrices
 from flexlink.common.types import Array
 from flexlink.dynamics.bound import unbind
+from flexlink.dynamics.conserved import Momentum, momentum_of_states
 from flexlink.kernels.forward.articulated_rows import BODY_ROW
 from flexlink.kernels.forward.mass_plus_shapes import ShapedPosture
 from flexlink.kernels.geometry.kinematics import attitudes, rates_of_angles
@@ -27,8 +28,7 @@ BODY = 1
 """Index of the base in `bodies`."""
 ANGLES = slice(3, 6)
 """Indices of the base's angles among the coordinates."""
-References = list[tuple[int, Array]]
-"""Reference attitudes of a run, each with the index of the first sample that uses it."""
+References = list[tuple[int, Array]]  # reference attitudes of a run, each with the index of its first sample
 
 
 class FloatingBase:
@@ -48,12 +48,13 @@ class FloatingBase:
         self.attitude, self.references = self.start, [(0, self.start)]
         self.take(self.start)
 
-    def retraced(self, references: References) -> FloatingBase:
-        """The base during an earlier run with these reference attitudes, whatever run this one has begun since."""
-        again = FloatingBase(self.original)
-        again.start = again.attitude = again._taken = self.start
-        again.references = references
-        return again
+    def momentum(self, references: References, q: Array, qd: Array) -> Momentum:
+        """Momentum at the samples of a run with these reference attitudes, whatever run has begun since."""
+        base = FloatingBase(self.original)
+        base.start = base.attitude = base._taken = self.start
+        base.references = references
+        parts = [momentum_of_states(base.chain, q[part], qd[part]) for part in base.parts(0, len(q))]
+        return Momentum(*map(np.concatenate, zip(*parts, strict=True)))
 
     def turn(self, row: int, q: Array, qd: Array, *scratch: Any) -> None:
         """Use the base's present attitude as the reference from sample `row` on; updates q, q̇ and the workspace."""
@@ -88,41 +89,32 @@ class FloatingBase:
 
     def parts(self, first: int, stop: int, *scratch: Any) -> Iterator[slice]:
         """Yield slices of samples first … stop − 1 with equal reference attitude, after setting this attitude."""
-        for part, attitude in self._parts(first, stop):
-            if attitude is self.attitude:  # already set
-                yield part
-                continue
-            try:
-                self.take(attitude, *scratch)
-                yield part
-            finally:
-                self.take(self.attitude, *scratch)
-
-    def _parts(self, first: int, stop: int) -> Iterator[tuple[slice, Array]]:
         ends = [row for row, _ in self.references[1:]] + [stop]
         for (row, attitude), end in zip(self.references, ends, strict=True):
-            if max(first, row) < min(stop, end):
-                yield slice(max(first, row), min(stop, end)), attitude
+            part = slice(max(first, row), min(stop, end))
+            if part.start < part.stop and attitude is self.attitude:  # already set
+                yield part
+            elif part.start < part.stop:
+                try:
+                    self.take(attitude, *scratch)
+                    yield part
+                finally:
+                    self.take(self.attitude, *scratch)
 
-    def from_the_start(self, q: Array, qd: Array) -> tuple[Array, Array, Array, Array]:
-        """q and q̇ of a run's samples (rows, n) in coordinates of `original`, with attitudes and angular velocities.
-
-        Attitudes are unit quaternions w, x, y, z.
-        """
-        return self._from_the_start(self.references, q.copy(), qd.copy())
-
-    def relative_to_start(self, q: Array, qd: Array) -> tuple[Array, Array]:
-        """The present state (n,) in coordinates of `original`."""
-        q, qd, *_ = self._from_the_start([(0, self.attitude)], q[None].copy(), qd[None].copy())
-        return q[0], qd[0]
-
-    def _from_the_start(self, references: References, q: Array, qd: Array) -> tuple[Array, Array, Array, Array]:
-        turned, spins, tangents = self._attitudes(references, q, qd)
-        np.arctan2(*tangents, out=q[:, ANGLES])
+    def from_the_start(self, q: Array, qd: Array, of: References | None = None) -> tuple[Array, Array, Array, Array]:
+        """q and q̇ of a run's samples (rows, n) in coordinates of `original`, with attitudes and angular velocities."""
+        q, qd = q.copy(), qd.copy()
+        turned, spins, tangents = self._attitudes(of or self.references, q, qd)
+        np.arctan2(tangents[0], tangents[1], out=q[:, ANGLES])
         _run(rates_of_angles, q, spins, qd)
         return q, qd, turned, spins
 
-    def _attitudes(self, references: References, q: Array, qd: Array) -> tuple[Array, Array, Array]:
+    def relative_to_start(self, q: Array, qd: Array) -> tuple[Array, Array]:
+        """The present state (n,) in coordinates of `original`."""
+        q, qd, *_ = self.from_the_start(q[None], qd[None], [(0, self.attitude)])
+        return q[0], qd[0]
+
+    def _attitudes(self, references: References, q: Array, qd: Array) -> tuple[Array, ...]:
         rows, known = zip(*references, strict=True)
         found = np.empty((len(q), 4)), np.empty((len(q), 3)), np.empty((2, len(q), 3))
         _run(attitudes, np.array(rows), np.array(known), self._back, q, qd, *found)

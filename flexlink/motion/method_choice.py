@@ -30,7 +30,9 @@ def cheapest(record: Record, tolerance: float, slowest: float) -> tuple[str, str
 
     `slowest`: lowest natural frequency due to springs [rad/s], for the reason.
     """
-    costs, fastest = guessed_costs(record, tolerance), max(fastest_motion(record, record.q[0]))
+    about = record.q[0].tobytes(), record.qd[0].tobytes()
+    guesses = record.kept("guesses", about, lambda: guessed_costs(record, tolerance))
+    costs, fastest = {**guesses}, max(fastest_motion(record, record.q[0]))
     if not reads_rates(record) and (fastest * record.run.duration > STIFF or tolerance > SMALL * record.chain.size):
         del costs["Radau9"]
     name = min(costs, key=lambda name: costs[name])

@@ -13,8 +13,8 @@ from flexlink.common.memo import Kept
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics import rounding
-from flexlink.dynamics.conserved import Energy, Momentum, momentum_of_states
-from flexlink.dynamics.floating_base import ANGLES, FAR, FloatingBase, References
+from flexlink.dynamics.conserved import Energy
+from flexlink.dynamics.floating_base import ANGLES, FAR
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.kernels.stepping.samples import derive, prescribed_torques
 from flexlink.kernels.stepping.step_state import SO_FAR
@@ -172,7 +172,7 @@ class Record:
         q, qd, chain, motion = self.q, self.qd, self.chain, None
         if self.base is not None:
             moved = _kept(q, stop), _kept(qd, stop)
-            momentum = functools.partial(_momentum, self.base, [*self.base.references], *moved)
+            momentum = functools.partial(self.base.momentum, [*self.base.references], *moved)
             q, qd, attitude, spin = self.base.from_the_start(*moved)
             chain, motion = self.base.original, BaseMotion(attitude, spin, momentum)
         for array in (q, qd, self.tau, self.tip, self.energy, wrench, *([] if work is None else [work])):
@@ -191,13 +191,6 @@ def noted(problem: InitialValueProblem, rows: int) -> Array:
     if problem.explicit:
         so_far[:, SO_FAR.steps] = problem.run.steps_per_sample * np.arange(rows)
     return so_far
-
-
-def _momentum(base: FloatingBase, references: References, q: Array, qd: Array) -> Momentum:
-    """Momentum at the samples of a run, from its coordinates and reference attitudes."""
-    base = base.retraced(references)
-    parts = [momentum_of_states(base.chain, q[part], qd[part]) for part in base.parts(0, len(q))]
-    return Momentum(*map(joined, zip(*parts, strict=True)))
 
 
 def joined(parts: Sequence[Array]) -> Array:

@@ -188,8 +188,8 @@ def turned_with_tip(chain, wrench, q):
 def attitudes(rows, references, back, q, qd, turned, spins, tangents):
     """Write quaternions w, x, y, z (samples, 4) and angular velocities (samples, 3), in its axes, of a floating base.
 
-    The attitude `references[k]` (m, 4) is that from which angles are measured from sample `rows[k]` on. `tangents`, (2,
-    samples, 3), are numerators and denominators of the tangents of the angles from the inverse of the attitude `back`.
+    From sample `rows[k]` on, angles are measured from the attitude `references[k]` (m, 4). `tangents` (2, samples, 3):
+    numerators and denominators of the tangents of the angles from the inverse of the attitude `back`.
     """
     k = 0
     for row in range(len(q)):
@@ -198,7 +198,8 @@ def attitudes(rows, references, back, q, qd, turned, spins, tangents):
         a, b, c = 0.5 * q[row, 3], 0.5 * q[row, 4], 0.5 * q[row, 5]
         both = quaternion((math.cos(a), math.sin(a), 0.0, 0.0), (math.cos(b), 0.0, math.sin(b), 0.0))
         turned[row] = quaternion(references[k], quaternion(both, (math.cos(c), 0.0, 0.0, math.sin(c))))
-        cy, cz, sy, sz, (u, v, w) = *cos_cos_sin_sin(q[row]), vector(qd[row, 3:])
+        y, z, (u, v, w) = q[row, 4], q[row, 5], vector(qd[row, 3:])
+        cy, cz, sy, sz = math.cos(y), math.cos(z), math.sin(y), math.sin(z)
         spins[row] = cy * cz * u + sz * v + 0.0 * w, -cy * sz * u + cz * v + 0.0 * w, sy * u + 0.0 * v + w
         w, x, y, z = quaternion(back, turned[row])
         along, across = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z)
@@ -211,7 +212,8 @@ def rates_of_angles(q, spins, qd):
     """Write rates φ̇ of a base's angles into `qd`: S φ̇ = ω is solved with partial pivoting, in the order of LAPACK."""
     A = np.empty((3, 4))
     for row in range(len(q)):
-        cy, cz, sy, sz, (u, v, w) = *cos_cos_sin_sin(q[row]), vector(spins[row])
+        y, z, (u, v, w) = q[row, 4], q[row, 5], vector(spins[row])
+        cy, cz, sy, sz = math.cos(y), math.cos(z), math.sin(y), math.sin(z)
         A[0], A[1], A[2] = (cy * cz, sz, 0.0, u), (-cy * sz, cz, 0.0, v), (sy, 0.0, 1.0, w)
         for k in range(2):
             pivot = k + np.argmax(np.abs(A[k:, k]))
@@ -224,14 +226,7 @@ def rates_of_angles(q, spins, qd):
         for i in range(2, -1, -1):
             for j in range(2, i, -1):
                 A[i, 3] -= A[i, j] * A[j, 3]
-            A[i, 3] /= A[i, i]
-        qd[row, 3:6] = A[:, 3]
-
-
-@unfused
-def cos_cos_sin_sin(q):
-    """Cosines and sines of a base's angles about Y and Z."""
-    return math.cos(q[4]), math.cos(q[5]), math.sin(q[4]), math.sin(q[5])
+            qd[row, 3 + i] = A[i, 3] = A[i, 3] / A[i, i]
 
 
 @unfused
