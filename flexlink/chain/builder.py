@@ -63,10 +63,7 @@ def recorded(bodies: list[Body]) -> NDArray[np.void]:
 
 def described(bodies: list[Body]) -> NDArray[np.void]:
     """Return axes of link and section and the lent inertia of the bodies, as an array of dtype `DESCRIBED`."""
-    records = np.empty(len(bodies), DESCRIBED)
-    for field in DESCRIBED.names or ():
-        records[field] = np.reshape([getattr(body, field) for body in bodies], records[field].shape)
-    return records
+    return np.array([(body.link, body.section, body.lent) for body in bodies], DESCRIBED)
 
 
 def record_branches(records: NDArray[np.void]) -> None:

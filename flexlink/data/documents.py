@@ -6,6 +6,7 @@ import contextlib
 import errno
 import os
 import re
+import stat
 import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -153,7 +154,7 @@ def shown_path(path: str | Path) -> str:
 def read_regular(path: Path, *, largest: int, error: type[FlexlinkError]) -> bytes:
     """Return the bytes of a regular file of at most `largest` bytes; a pipe, which might block forever, is refused."""
     try:
-        if path.exists() and not path.is_file() and not path.is_dir():  # for a folder, `open` raises a clear error
+        if not (stat.S_ISREG(mode := path.stat().st_mode) or stat.S_ISDIR(mode)):  # `open` refuses a folder clearly
             raise OSError(errno.EINVAL, "is a pipe or a device; give a regular file")
         with path.open("rb") as file:
             data = file.read(largest + 1)

@@ -27,20 +27,17 @@ def load(folder: str, key: str, name: str, kind: type[T]) -> T:
 
     Messages name the `key` of the scene whose value is the name.
     """
-    if is_user_file(name):
-        path: Path | None = Path(absolute(name))
-    else:
-        path = _ours(folder, name) if isinstance(name, str) else None
-    if path is None:
+    if not is_user_file(name):
+        if isinstance(name, str) and (ours := _ours(folder, name, cast("Any", kind))) is not None:
+            return cast("T", ours)
         known = names(folder)
         near = did_you_mean(_called_elsewhere(folder, name) or name, known)
         allowed = f"allowed are {', '.join(known)} or a path ending in .toml"
         raise ArgumentError(f"{key} = {truncated(name)}: unknown; {allowed}{near}", id="unknown-name")
     try:
-        description: T = _decoded(path, _version(path) if is_user_file(name) else (), cast("Any", kind))
+        return cast("T", _decoded(path := Path(absolute(name)), _version(path), cast("Any", kind)))
     except (SceneError, OSError, ValueError) as error:
         raise DataFileError(f"{key} = {truncated(name)}: {error}") from None
-    return description
 
 
 def _called_elsewhere(folder: str, name: object) -> str | None:
@@ -52,10 +49,10 @@ def _called_elsewhere(folder: str, name: object) -> str | None:
 
 
 @functools.lru_cache(maxsize=256)
-def _ours(folder: str, name: str) -> Path | None:
-    """The file of a built-in description, or None; looks for the file, once, instead of listing the folder."""
+def _ours(folder: str, name: str, kind: Any) -> Any:
+    """A built-in description, or None; looks for its file, once, instead of listing the folder."""
     path = DATA / folder / f"{name}.toml"
-    return path if Path(name).name == name and path.is_file() else None
+    return _decoded(path, (), kind) if Path(name).name == name and path.is_file() else None
 
 
 def _version(path: Path) -> tuple[int, ...]:

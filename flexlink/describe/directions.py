@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlink.common.errors import SceneError
-from flexlink.common.products import dot
+from flexlink.common.products import cross, dot
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.describe.spec import Vector3
@@ -58,7 +58,7 @@ def line_of(ends: tuple[Vector3, Vector3], up: Vector3 | None, axis: Array) -> L
     if z is None:
         z = _across(x, np.eye(3)[2 if x[2] ** 2 < 0.5 else 1])
         assert z is not None  # x is at least 45° from this axis, so z exists
-    return Line(start, length, np.stack([x, np.cross(z, x), z], axis=1))
+    return Line(start, length, np.array([x, cross(z, x), z]).T.copy())
 
 
 def _across(x: Array, direction: Array) -> Array | None:
@@ -66,7 +66,7 @@ def _across(x: Array, direction: Array) -> Array | None:
 
     `direction` is projected twice: if it is nearly parallel to x, an error of eps / angle along x remains at first.
     """
-    if math.hypot(*np.cross(x, direction)) < 1e-6:  # counts as parallel; robot files round angles to ten digits
+    if math.hypot(*cross(x, direction)) < 1e-6:  # counts as parallel; robot files round angles to ten digits
         return None
     for _ in range(2):
         across = direction - dot(direction, x) * x

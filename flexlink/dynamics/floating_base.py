@@ -13,19 +13,14 @@ from typing import Any
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.chain.rigid import (
-    angles_of,
-    matrices_from_quaternions,
-    matrix_from_quaternion,
-    product_of,
-    quaternion_from_matrix,
-    quaternions_of,
-    rates_matrices,
-)  # fmt: skip
+from flexlink.chain.rigid import matrix_from_quaternion, quaternion_from_matrix, rates_matrices
 from flexlink.common.types import Array
 from flexlink.dynamics.bound import unbind
+from flexlink.dynamics.conserved import Momentum, momentum_of_states
 from flexlink.kernels.forward.articulated_rows import BODY_ROW
 from flexlink.kernels.forward.mass_plus_shapes import ShapedPosture
+from flexlink.kernels.geometry.kinematics import attitudes, rates_of_angles
+from flexlink.kernels.tools.machine_code import direct
 
 FAR = 0.5
 """Angle of a base [rad] at which its reference attitude is changed."""
@@ -33,6 +28,7 @@ BODY = 1
 """Index of the base in `bodies`."""
 ANGLES = slice(3, 6)
 """Indices of the base's angles among the coordinates."""
+References = list[tuple[int, Array]]  # reference attitudes of a run, each with the index of its first sample
 
 
 class FloatingBase:
@@ -43,20 +39,28 @@ class FloatingBase:
         self.original, self._rotation = chain, bodies["rotation"][BODY]
         view = bodies.view()  # read-only, as kernels require
         self.chain = chain.with_numbers(bodies=view)
-        self.start = np.array(quaternion_from_matrix(self._rotation))
+        self.start = self._taken = np.array(quaternion_from_matrix(self._rotation))
+        self._back = self.start * np.array([1.0, -1.0, -1.0, -1.0])
         self.begin()
 
     def begin(self) -> None:
         """Reset to the start of a run."""
         self.attitude, self.references = self.start, [(0, self.start)]
-        self._rotation[...] = self.original.bodies["rotation"][BODY]
-        unbind(self.chain)
+        self.take(self.start)
+
+    def momentum(self, references: References, q: Array, qd: Array) -> Momentum:
+        """Momentum at the samples of a run with these reference attitudes, whatever run has begun since."""
+        base = FloatingBase(self.original)
+        base.start = base.attitude = base._taken = self.start
+        base.references = references
+        parts = [momentum_of_states(base.chain, q[part], qd[part]) for part in base.parts(0, len(q))]
+        return Momentum(*map(np.concatenate, zip(*parts, strict=True)))
 
     def turn(self, row: int, q: Array, qd: Array, *scratch: Any) -> None:
         """Use the base's present attitude as the reference from sample `row` on; updates q, q̇ and the workspace."""
         angles = q[ANGLES]
         if angles.any():
-            self.attitude = product_of(self.attitude, quaternions_of(angles))
+            self.attitude = self._attitudes([(0, self.attitude)], q[None], qd[None])[0][0]
             qd[ANGLES] = rates_matrices(angles) @ qd[ANGLES]
             q[ANGLES] = 0.0
         self.references.append((row, self.attitude))
@@ -64,11 +68,11 @@ class FloatingBase:
 
     def take(self, attitude: Array, *scratch: Any) -> None:
         """Write an attitude wherever kernels read it: in the chain, and in workspaces that copy the chain's data."""
-        if attitude is not self.start:
-            self._rotation[...] = matrix_from_quaternion(attitude.tolist())
-        else:
-            self._rotation[...] = self.original.bodies["rotation"][BODY]
-        unbind(self.chain)
+        if attitude is not self._taken:
+            given = self.original.bodies["rotation"][BODY]
+            self._rotation[...] = given if attitude is self.start else matrix_from_quaternion(attitude.tolist())
+            self._taken = attitude
+            unbind(self.chain)
         for rows in map(rows_of, scratch):
             if rows is not None:
                 rows[BODY, BODY_ROW.mount : BODY_ROW.mount + 9] = self._rotation.T.ravel()
@@ -85,49 +89,40 @@ class FloatingBase:
 
     def parts(self, first: int, stop: int, *scratch: Any) -> Iterator[slice]:
         """Yield slices of samples first … stop − 1 with equal reference attitude, after setting this attitude."""
-        for part, attitude in self._parts(first, stop):
-            if attitude is self.attitude:  # already set
-                yield part
-                continue
-            try:
-                self.take(attitude, *scratch)
-                yield part
-            finally:
-                self.take(self.attitude, *scratch)
-
-    def _parts(self, first: int, stop: int) -> Iterator[tuple[slice, Array]]:
         ends = [row for row, _ in self.references[1:]] + [stop]
         for (row, attitude), end in zip(self.references, ends, strict=True):
-            if max(first, row) < min(stop, end):
-                yield slice(max(first, row), min(stop, end)), attitude
+            part = slice(max(first, row), min(stop, end))
+            if part.start < part.stop and attitude is self.attitude:  # already set
+                yield part
+            elif part.start < part.stop:
+                try:
+                    self.take(attitude, *scratch)
+                    yield part
+                finally:
+                    self.take(self.attitude, *scratch)
 
-    def attitudes(self, q: Array) -> Array:
-        """Unit quaternions w, x, y, z of a run's samples (rows, n), shape (rows, 4)."""
-        found = np.empty((len(q), 4))
-        for part, reference in self._parts(0, len(q)):
-            found[part] = product_of(reference, quaternions_of(q[part, ANGLES]))
-        return found
-
-    def from_the_start(self, q: Array, qd: Array) -> tuple[Array, Array, Array, Array]:
+    def from_the_start(self, q: Array, qd: Array, of: References | None = None) -> tuple[Array, Array, Array, Array]:
         """q and q̇ of a run's samples (rows, n) in coordinates of `original`, with attitudes and angular velocities."""
-        attitudes, spins = self.attitudes(q), np.einsum("kij,kj->ki", rates_matrices(q[:, ANGLES]), qd[:, ANGLES])
         q, qd = q.copy(), qd.copy()
-        q[:, ANGLES] = self.angles(attitudes)
-        qd[:, ANGLES] = np.linalg.solve(rates_matrices(q[:, ANGLES]), spins[..., None])[..., 0]
-        return q, qd, attitudes, spins
-
-    def angles(self, attitudes: Array) -> Array:
-        """Angles that turn the base from its initial attitude to `attitudes` (rows, 4), shape (rows, 3) [rad]."""
-        back = self.start * np.array([1.0, -1.0, -1.0, -1.0])
-        return angles_of(matrices_from_quaternions(product_of(back, attitudes)))
+        turned, spins, tangents = self._attitudes(of or self.references, q, qd)
+        np.arctan2(tangents[0], tangents[1], out=q[:, ANGLES])
+        _run(rates_of_angles, q, spins, qd)
+        return q, qd, turned, spins
 
     def relative_to_start(self, q: Array, qd: Array) -> tuple[Array, Array]:
         """The present state (n,) in coordinates of `original`."""
-        ω = rates_matrices(q[ANGLES]) @ qd[ANGLES]
-        q, qd = q.copy(), qd.copy()
-        q[ANGLES] = self.angles(product_of(self.attitude, quaternions_of(q[ANGLES]))[None])[0]
-        qd[ANGLES] = np.linalg.solve(rates_matrices(q[ANGLES]), ω)
-        return q, qd
+        q, qd, *_ = self.from_the_start(q[None], qd[None], [(0, self.attitude)])
+        return q[0], qd[0]
+
+    def _attitudes(self, references: References, q: Array, qd: Array) -> tuple[Array, ...]:
+        rows, known = zip(*references, strict=True)
+        found = np.empty((len(q), 4)), np.empty((len(q), 3)), np.empty((2, len(q), 3))
+        _run(attitudes, np.array(rows), np.array(known), self._back, q, qd, *found)
+        return found
+
+
+def _run(kernel: Any, *arrays: Array) -> None:
+    direct(kernel, *arrays, types=b"writable")(*arrays)
 
 
 def rows_of(scratch: Any) -> Any:

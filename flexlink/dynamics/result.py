@@ -37,7 +37,7 @@ class Result:
         def __getattr__(self, name: str) -> NoReturn:
             if name.startswith("_"):  # copies, NumPy and notebooks ask for many of these
                 raise AttributeError(name)
-            fields = [field.name for field in dataclasses.fields(self)]
+            fields = [field.name for field in dataclasses.fields(self) if field.repr]
             near = did_you_mean(name, [*fields, *(each for each in dir(type(self)) if each[0] != "_")])
             near = near or f"; its fields are {', '.join(fields)}"
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}{near}")

@@ -28,9 +28,6 @@ from flexlink.kernels.inputs.laws import CASCADE_GRAVITY, COMPUTED_TORQUE, PD_GR
 from flexlink.kernels.inputs.record import Drive
 from flexlink.kernels.stepping.runge_kutta import NEVER, integrate
 
-Bodies = NDArray[np.intp]
-"""Number of bodies with 0, 1, 2, 3 hinges, shape (4,)."""
-
 OPERATIONS = (
     "evaluation", "step", "beginning", "preparation", "weighing", "stage_matrix", "stage_solution", "answer",
     "multiplication",
@@ -84,7 +81,7 @@ def listed(place: str, has: str, kind: str) -> list[list[float]]:
     return [found[name].parts if name in found else [0.0] * 9 for name in OPERATIONS]
 
 
-def bodies_of(chain: Chain) -> Bodies:
+def bodies_of(chain: Chain) -> NDArray[np.intp]:
     """Numbers of bodies of a chain with 0, 1, 2 and 3 hinges; the tip frame is not counted."""
     hinges = (chain.bodies["stop"] - chain.bodies["first"])[:-1]
     return np.bincount(np.minimum(hinges, 3), minlength=4)

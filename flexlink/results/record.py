@@ -12,7 +12,7 @@ from flexlink.common.memo import Kept
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics import rounding
-from flexlink.dynamics.conserved import Energy, Momentum, momentum_of_states
+from flexlink.dynamics.conserved import Energy
 from flexlink.dynamics.floating_base import ANGLES, FAR
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.dynamics.result import read_only
@@ -175,9 +175,9 @@ class Record:
         wrench = joined([self.inputs.tip_wrenches(self.t[k], self.q[k], self.qd[k]) for k in self.parts(0, stop)])
         q, qd, chain, motion = self.q, self.qd, self.chain, None
         if self.base is not None:
-            parts = [momentum_of_states(chain, q[part], qd[part]) for part in self.parts(0, stop)]
-            momentum = Momentum(*map(joined, zip(*parts, strict=True)))
-            q, qd, attitude, spin = self.base.from_the_start(q[:stop], qd[:stop])
+            moved = _kept(q, stop), _kept(qd, stop)
+            momentum = functools.partial(self.base.momentum, [*self.base.references], *moved)
+            q, qd, attitude, spin = self.base.from_the_start(*moved)
             chain, motion = self.base.original, BaseMotion(attitude, spin, momentum)
         delayed = self.inputs.drive.delayed(float(self.t[stop - 1])) if stop else np.zeros((0, 1))
         for array in (q, qd, self.tau, self.tip, self.energy, wrench, delayed):

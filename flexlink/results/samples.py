@@ -75,7 +75,8 @@ class StatedError(NamedTuple):
         return f"tip error {error:.2g} m, {found}; tolerance {self.allowed:.2g} m, {verdict}"
 
 
-class BaseMotion(NamedTuple):
+@dataclasses.dataclass(frozen=True, eq=False)
+class BaseMotion(Result):
     """Attitude and angular velocity of a free base, and momentum of all bodies, at every sample.
 
     Position and velocity of the base are the first three coordinates.
@@ -83,7 +84,15 @@ class BaseMotion(NamedTuple):
 
     attitude: Array  # (samples, 4) unit quaternions w, x, y, z: v_0 = R v
     spin: Array  # (samples, 3) angular velocity, in axes of the base [rad/s]
-    momentum: Momentum
+    _momentum: Momentum | Callable[[], Momentum] = dataclasses.field(repr=False)
+
+    @functools.cached_property
+    def momentum(self) -> Momentum:
+        """Momentum of all bodies, computed when it is first used."""
+        return self._momentum() if callable(self._momentum) else self._momentum
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return BaseMotion, (self.attitude, self.spin, self.momentum)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

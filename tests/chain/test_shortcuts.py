@@ -10,10 +10,10 @@ import pytest
 import flexlink as fl
 from flexlink.chain import builder, size
 from flexlink.chain.coordinates import Kind
-from flexlink.chain.rigid import angles_of, matrices_from_quaternions, matrix_from_quaternion, quaternions_of
 from flexlink.data.documents import is_finite
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.schemes.methods import method
+from flexlink.dynamics.floating_base import FloatingBase
 from flexlink.dynamics.vibration import stability
 from flexlink.dynamics.vibration.stability_function import stable_reach
 from flexlink.motion import method_steps
@@ -122,11 +122,14 @@ def test_the_stable_step_is_the_smallest_over_single_eigenvalues(name: str, rng:
 
 
 def test_a_batch_of_attitudes_equals_single_conversions(rng: np.random.Generator) -> None:
-    quaternions = quaternions_of(rng.normal(size=(7, 3)))
-    R = matrices_from_quaternions(quaternions)
-    each = np.array([matrix_from_quaternion(one) for one in quaternions.tolist()])
-    assert R.tobytes() == each.tobytes()
-    np.testing.assert_allclose(quaternions_of(angles_of(R)), quaternions, atol=1e-15)
+    base = FloatingBase(fl.lump(fl.load_scene(Path(__file__).parents[2] / "models" / "satellite.toml")))
+    q, qd = rng.uniform(-1, 1, size=(2, 7, base.chain.n))
+    found = base.from_the_start(q, qd)
+    each = [base.relative_to_start(*state) for state in zip(q, qd, strict=True)]
+    for one, many in zip(zip(*each, strict=True), found, strict=False):
+        assert np.array(one).tobytes() == many.tobytes()
+    np.testing.assert_allclose(found[0], q, atol=1e-14)
+    np.testing.assert_allclose(found[1], qd, rtol=1e-12)
 
 
 @pytest.mark.parametrize("degree", [1, 3, 5, 6])

@@ -11,7 +11,7 @@ import numpy as np
 from flexlink.kernels.geometry.branches import loaded_body
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.address import records
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion, unfused
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import at, cos_sin_of, position_of, put_vec_of, vec_of, zero_of
 from flexlink.kernels.tools.rare import rarely
@@ -182,3 +182,59 @@ def turned_with_tip(chain, wrench, q):
     put(turned[:3], apply(tip, vector(wrench)))
     put(turned[3:], apply(tip, vector(wrench[3:])))
     return turned
+
+
+@unfused
+def attitudes(rows, references, back, q, qd, turned, spins, tangents):
+    """Write quaternions w, x, y, z (samples, 4) and angular velocities (samples, 3), in its axes, of a floating base.
+
+    From sample `rows[k]` on, angles are measured from the attitude `references[k]` (m, 4). `tangents` (2, samples, 3):
+    numerators and denominators of the tangents of the angles from the inverse of the attitude `back`.
+    """
+    k = 0
+    for row in range(len(q)):
+        while k + 1 < len(rows) and rows[k + 1] <= row:
+            k += 1
+        a, b, c = 0.5 * q[row, 3], 0.5 * q[row, 4], 0.5 * q[row, 5]
+        both = quaternion((math.cos(a), math.sin(a), 0.0, 0.0), (math.cos(b), 0.0, math.sin(b), 0.0))
+        turned[row] = quaternion(references[k], quaternion(both, (math.cos(c), 0.0, 0.0, math.sin(c))))
+        y, z, (u, v, w) = q[row, 4], q[row, 5], vector(qd[row, 3:])
+        cy, cz, sy, sz = math.cos(y), math.cos(z), math.sin(y), math.sin(z)
+        spins[row] = cy * cz * u + sz * v + 0.0 * w, -cy * sz * u + cz * v + 0.0 * w, sy * u + 0.0 * v + w
+        w, x, y, z = quaternion(back, turned[row])
+        along, across = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z)
+        tangents[0, row] = -(2.0 * (y * z - w * x)), 2.0 * (x * z + w * y), -across
+        tangents[1, row] = 1.0 - 2.0 * (x * x + y * y), math.hypot(along, across), along
+
+
+@unfused
+def rates_of_angles(q, spins, qd):
+    """Write rates φ̇ of a base's angles into `qd`: S φ̇ = ω is solved with partial pivoting, in the order of LAPACK."""
+    A = np.empty((3, 4))
+    for row in range(len(q)):
+        y, z, (u, v, w) = q[row, 4], q[row, 5], vector(spins[row])
+        cy, cz, sy, sz = math.cos(y), math.cos(z), math.sin(y), math.sin(z)
+        A[0], A[1], A[2] = (cy * cz, sz, 0.0, u), (-cy * sz, cz, 0.0, v), (sy, 0.0, 1.0, w)
+        for k in range(2):
+            pivot = k + np.argmax(np.abs(A[k:, k]))
+            for j in range(4):
+                A[k, j], A[pivot, j] = A[pivot, j], A[k, j]
+            for i in range(k + 1, 3):
+                factor = A[i, k] * (1.0 / A[k, k])
+                for j in range(k + 1, 4):
+                    A[i, j] -= factor * A[k, j]
+        for i in range(2, -1, -1):
+            for j in range(2, i, -1):
+                A[i, 3] -= A[i, j] * A[j, 3]
+            qd[row, 3 + i] = A[i, 3] = A[i, 3] / A[i, i]
+
+
+@unfused
+def quaternion(p, q):
+    """Unit quaternion of rotation p followed by rotation q about the rotated axes, normalized."""
+    w = p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3]
+    x = p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2]
+    y = p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1]
+    z = p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0]
+    size = math.sqrt(w * w + x * x + y * y + z * z)
+    return w / size, x / size, y / size, z / size

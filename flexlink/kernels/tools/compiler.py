@@ -65,6 +65,11 @@ def kernel(function: Callable[..., Any]) -> Any:
     return _compile(function)
 
 
+def unfused(function: Callable[..., Any]) -> Any:
+    """A `kernel` without fused multiply-add, whose results are those of the same formulas in NumPy, bit for bit."""
+    return _compile(function, fastmath=False)
+
+
 # `contract` allows fused multiply-add for a·b + c; nothing is reordered.
 ARITHMETIC: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
 RECURSION = {**BORROWS, **ONLY_KERNELS, **ARITHMETIC}  # for overloads
