@@ -84,7 +84,7 @@ def _fastest(chain: Chain, q: Array, *diagonals: Array) -> tuple[float, float]:
     for k, (name, weights) in enumerate(zip(("stiffness", "damping"), diagonals, strict=True)):
         if weights.any():
             posture = posture or scratch(chain)
-            matrix = np.ascontiguousarray(weights), np.ascontiguousarray(chain.couplings[name])
+            matrix = np.ascontiguousarray(weights), np.array(chain.couplings[name])
             λ = float(largest_eigenvalue(chain.arrays, q, *matrix, PASSES, CLOSE, posture))
             found[k] = λ if math.isfinite(λ) else math.inf
     return math.sqrt(found[0]), found[1]
