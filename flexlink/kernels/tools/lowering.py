@@ -49,8 +49,13 @@ class KernelLower(Lower):
         self.call_helper = self.call_conv.init_call_helper(self.builder)
 
     def _find_singly_assigned_variable(self) -> None:
-        """Also find variables that are assigned once, before all blocks that use them; Numba finds those of a block."""
+        """Also find variables that are assigned once, before all blocks that use them; Numba finds those of a block.
+
+        Where references are counted, a variable may be deleted twice: Numba then relies on a zero in memory.
+        """
         super()._find_singly_assigned_variable()
+        if self.context.enable_nrt:
+            return
         blocks, assigned, used = self.func_ir.blocks, collections.defaultdict(list), collections.defaultdict(list)
         used_in = compute_use_defs(blocks).usemap
         for label, block in blocks.items():
