@@ -15,8 +15,7 @@ from numba.core.ir_utils import get_definition, guard
 from numba.core.typed_passes import NativeLowering
 from numba.core.untyped_passes import IRProcessing
 
-from flexlink.kernels.tools.lowering import LowerKernel
-from flexlink.kernels.tools.parts import Part
+from flexlink.kernels.tools.parts import LowerKernel, Part
 
 
 @register_pass(mutates_CFG=False, analysis_only=False)
