@@ -22,7 +22,7 @@ from flexlink.cli import rehearsal
 from flexlink.cli.rehearsal import KINDS
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.progress import Progress, clock
-from flexlink.kernels.tools.code_files import FAMILIES, Cpu, archive_name, cache_folder, pack, state
+from flexlink.kernels.tools.code_files import ARCHIVE, FAMILIES, Cpu, cache_folder, pack, state
 from flexlink.kernels.tools.machine_code import families_here, here
 
 
@@ -84,7 +84,7 @@ def _put(code: Path, out: Path, cpu: Cpu) -> None:
         if old.name != code.name:
             shutil.rmtree(old)
     (out / code.name).mkdir(parents=True, exist_ok=True)
-    pack(code, out / code.name / archive_name(cpu))
+    pack(code, out / code.name / ARCHIVE, cpu)
 
 
 def _rehearse(kind: str, environment: dict[str, str], called: Callable[[], None]) -> None:

@@ -201,12 +201,15 @@ def lanes_workspace(solver: solvers.Solver, chains: Sequence[Chain]) -> Any:
     rare = None
     if any(c.arrays.rare is not None for c in eight):
         rare = Rare(*(_stacked([c.force(name) for c in eight]) for name in Rare._fields))
-    return solver.lanes_workspace(bodies, hinges, np.array([c.gravity for c in eight]), rare)
+    return solver.lanes_workspace(bodies, hinges, _stacked([c.gravity for c in eight]), rare)
 
 
-def _stacked(records: Sequence[NDArray[np.void]]) -> NDArray[np.void]:
-    """Stack records as bytes: `np.stack` copies field by field, which takes ten times as long."""
-    whole = bytearray(b"".join([record.tobytes() for record in records]))
+def _stacked(records: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Stack records as bytes: `np.stack` copies field by field, which takes ten times as long.
+
+    The result is read-only, like the arrays of a chain, so that kernels are compiled for one type.
+    """
+    whole = b"".join([record.tobytes() for record in records])
     return np.frombuffer(whole, records[0].dtype).reshape(len(records), len(records[0]))
 
 

@@ -56,7 +56,7 @@ def _readable(part: ArrayLike) -> TypeGuard[Array]:
 def wrench_rows(tip_wrench: ArrayLike | None, b: int) -> Array:
     """Return the tip wrench of each of b states, (b, 6), from one wrench (6,) or one row per state, or refuse it."""
     if tip_wrench is None or not is_batch(tip_wrench):
-        return np.array(np.broadcast_to(wrench_vector(tip_wrench), (b, 6)))
+        return np.tile(wrench_vector(tip_wrench), (b, 1))
     wrenches = real_array("tip_wrench", tip_wrench, (6,))
     if wrenches.shape != (b, 6):
         raise ArgumentError(

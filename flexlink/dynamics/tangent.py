@@ -106,7 +106,7 @@ def stiffness_matrix(chain: Chain, q: Array, qd: Array, wrench: Array, follower:
 def load_matrices(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool = False) -> Array:
     """∂T_GC/∂q [N m/rad], ∂T_GC/∂q̇ [N m s/rad] and M [kg m²] at constant rates, shape (3, n, n)."""
     found = np.empty((3, chain.n, chain.n))
-    load_slopes(chain.arrays, wrench, follower, q, qd, np.zeros(chain.n), found)
+    load_slopes(chain.arrays, np.array(wrench), follower, q, qd, np.zeros(chain.n), found)
     return found
 
 

@@ -25,7 +25,11 @@ BARS = {
     "functions of more than 60 lines of code": 1, "lines of contracts": 56, "lines": 67_880, "files": 420,
     "longest chain of imports": 34, "files that simulate imports": 149, "depth of simulate": 24,
 }  # fmt: skip
-RAISED = {"lines of contracts": (7, "fits, sweeps, reports, advice and robots call the library, not its kernels")}
+COMPILES = "kernels compile in three quarters of the time, and a wheel has one archive for all processors"
+RAISED = {
+    "lines of contracts": (7, "fits, sweeps, reports, advice and robots call the library, not its kernels"),
+    "classes": (3, COMPILES), "constants": (2, COMPILES), "lines": (140, COMPILES),
+}  # fmt: skip
 """By how much a limit may be exceeded, and the reason."""
 HOPS = 8
 """Calls from `simulate` to the equation of motion, as a debugger shows them."""

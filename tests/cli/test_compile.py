@@ -11,7 +11,7 @@ import flexlink as fl
 from flexlink.cli import rehearsal
 from flexlink.cli.compile import _put
 from flexlink.cli.main import main
-from flexlink.kernels.tools.code_files import FAMILIES, archive_name
+from flexlink.kernels.tools.code_files import ARCHIVE, FAMILIES, folder_for
 from flexlink.kernels.tools.machine_code import PARTS, families_here, here
 
 NOT_KERNELS = {
@@ -56,18 +56,20 @@ def test_an_unsupported_processor_family_is_refused(arguments: list[str], capsys
     assert f"--cpu = {arguments[1]}" in line and line.endswith("[unknown-processor]")
 
 
-def test_a_package_contains_only_called_code_of_the_current_sources(tmp_path: Path) -> None:
+def test_a_package_contains_only_called_code_of_the_current_sources_for_each_cpu(tmp_path: Path) -> None:
     code, out = tmp_path / "fedcba9876543210", tmp_path / "out"
     for file in ("called.bin", "called.bc", f"{PARTS}/copied.bin", f"{PARTS}/copied.bc"):
         (code / file).parent.mkdir(parents=True, exist_ok=True)
         (code / file).write_bytes(b"code")
     (out / "0123456789abcdef").mkdir(parents=True)
-    _put(code, out, here())
+    other = ("", "other", "")
+    for cpu in (other, here(), here()):
+        _put(code, out, cpu)
     assert [path.name for path in out.iterdir()] == ["fedcba9876543210"]
     (archive,) = (out / code.name).iterdir()
-    assert archive.name == archive_name(here())
+    assert archive.name == ARCHIVE
     with tarfile.open(archive) as packed:
-        assert packed.getnames() == ["called.bin"]
+        assert sorted(packed.getnames()) == sorted(f"{folder_for(cpu)}/called.bin" for cpu in (other, here()))
 
 
 def test_the_processor_families_of_this_machine_are_the_last_of_the_list() -> None:

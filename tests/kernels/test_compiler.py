@@ -69,7 +69,7 @@ def test_precompiled_code_of_the_package_is_used_if_the_cache_is_empty(folder: P
     built_for = host if cpu == "host" else (host[0], cpu, "")
     file.rename(file.with_stem(machine_code._key(kernel.py_func, (numba.float64,), built_for)))
     code_files.SHIPPED.mkdir()
-    code_files.pack(folder, code_files.SHIPPED / code_files.archive_name(built_for))
+    code_files.pack(folder, code_files.SHIPPED / code_files.ARCHIVE, built_for)
     shutil.rmtree(folder)
     code_files.shipped.cache_clear()
     assert compilations(lambda: fresh()(3.0)) == 0
@@ -83,7 +83,7 @@ def test_precompiled_code_is_used_if_the_cache_folder_is_not_writable(folder: Pa
     assert compilations(lambda: kernel(3.0)) == 1
     monkeypatch.setattr(code_files, "SHIPPED", folder.parent / "shipped")
     code_files.SHIPPED.mkdir()
-    code_files.pack(folder, code_files.SHIPPED / code_files.archive_name(machine_code.here()))
+    code_files.pack(folder, code_files.SHIPPED / code_files.ARCHIVE, machine_code.here())
     monkeypatch.setattr(code_files, "FOLDER", folder.parent / "shipped" / "file" / "0123456789abcdef")
     (folder.parent / "shipped" / "file").touch()
     code_files.shipped.cache_clear()

@@ -81,7 +81,7 @@ def fastest_of(
     for k, (name, weights) in enumerate((("stiffness", stiffness), ("damping", damping))):
         if weights.any():
             posture = posture or scratch(chain)
-            matrix = np.ascontiguousarray(weights), np.ascontiguousarray(chain.couplings[name])
+            matrix = np.ascontiguousarray(weights), np.array(chain.couplings[name])
             λ = float(largest_eigenvalue(chain.arrays, q, *matrix, PASSES, CLOSE, posture))
             found[k] = λ if math.isfinite(λ) else math.inf
     return math.sqrt(found[0]), found[1]

@@ -18,7 +18,7 @@ from flexlink.kernels.geometry.branches import fork_lanes, fork_rows, rows_of_fo
 from flexlink.kernels.geometry.kinematics import KinematicsWork, kinematics, kinematics_workspace
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.address import records
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
+from flexlink.kernels.tools.compiler import allocating, inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import (
     LANES,
@@ -72,7 +72,7 @@ def trace(M):
     return total
 
 
-@kernel
+@allocating
 def turns_of(q):
     """Cosine, sine and value of every hinge coordinate, (n, 3)."""
     turns = np.empty((len(q), 3))
@@ -242,7 +242,7 @@ def composite_workspace(chain):
     )  # fmt: skip
 
 
-@kernel
+@allocating
 def masses_of_branches(chain):
     """Scratch for the mass of the branches at every fork; None for a plain chain."""
     if chain.rare is None:
@@ -250,7 +250,7 @@ def masses_of_branches(chain):
     return np.empty(rows_of_forks(chain.bodies))
 
 
-@kernel
+@allocating
 def starts_of_branches(bodies):
     """Index of the first body of each body's branch, (bodies,)."""
     starts = np.zeros(len(bodies), np.int64)

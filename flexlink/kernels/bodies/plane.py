@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.forces.elements import eight_of, forces_of, forces_side_by_side
+from flexlink.kernels.forces.elements import forces_of, forces_side_by_side, one_of
 from flexlink.kernels.forces.joint_torques import JOINT, dry_joints, prescribed_joints, put_joint
 from flexlink.kernels.layout import ChainArrays
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion
+from flexlink.kernels.tools.compiler import allocating, inlined, kernel, recursion
 from flexlink.kernels.tools.lanes import LANES, at, put_at, vec, zero_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sincos import cos_sin_all, less_whole_turns
@@ -98,11 +98,11 @@ def planar_workspace(bodies, hinges, gravity, rare):
 @kernel
 def planar_lanes_workspace(bodies, hinges, gravity, rare):
     """Scratch of `planar` for eight chains side by side: `bodies` (8, bodies), `hinges` (8, n), `gravity` (8, 3)."""
-    n, chains = hinges.shape[1], eight_of(bodies, hinges, gravity, rare)
+    n, chains = hinges.shape[1], ChainArrays(bodies, hinges, gravity, rare)
     base, links, coulomb = np.empty((12, LANES)), np.empty((n, LINK.size, LANES)), np.zeros(n)
     trig = np.empty((3, n * LANES))
     for lane in range(LANES):
-        chain = chains[lane]
+        chain = one_of(chains, lane)
         one = planar_workspace(chain.bodies, chain.hinges, chain.gravity, chain.rare)
         for j in range(12):
             base[j, lane] = one.base[j]
@@ -115,7 +115,7 @@ def planar_lanes_workspace(bodies, hinges, gravity, rare):
     return PlanarWork(base, links, prescribed, dry, trig, trig_lanes, forces_side_by_side(chains))
 
 
-@kernel
+@allocating
 def span_plane(normal, base):
     """Write u, v and normal to `base`; for a normal along a coordinate axis, u and v are along the other two axes."""
     least = 0

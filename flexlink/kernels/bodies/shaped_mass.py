@@ -26,7 +26,7 @@ import numpy as np
 from flexlink.kernels.bodies.plane import LINK
 from flexlink.kernels.geometry.kinematics import KinematicsWork, kinematics, kinematics_workspace
 from flexlink.kernels.layout import SLIDES
-from flexlink.kernels.tools.compiler import inlined, kernel, subroutine
+from flexlink.kernels.tools.compiler import allocating, inlined, kernel, subroutine
 from flexlink.kernels.tools.lanes import vec_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.records import added, keep
@@ -56,7 +56,7 @@ class ShapedMass(NamedTuple):
     loads: Any  # (7, m) F and N of every shape, rows `LOAD`
 
 
-@kernel
+@allocating
 def shaped_mass_workspace(chain, shapes):
     """Scratch of `mass_in_space`."""
     m = shapes.matrix.shape[1]

@@ -42,7 +42,7 @@ import numpy as np
 
 from flexlink.kernels.geometry.branches import fork_rows
 from flexlink.kernels.layout import SLIDES
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
+from flexlink.kernels.tools.compiler import allocating, inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.finite import are_finite
 from flexlink.kernels.tools.lanes import LANES, at, put_at, put_eight, vec_of
 from flexlink.kernels.tools.numbered import numbered
@@ -105,7 +105,7 @@ class InverseDerivativesWork(NamedTuple):
     motion: MotionWork
 
 
-@kernel
+@allocating
 def motion_workspace(chain):
     """Scratch of `outward` for a chain."""
     blocks = -(-len(chain.hinges) // LANES)
@@ -115,7 +115,7 @@ def motion_workspace(chain):
     )  # fmt: skip
 
 
-@kernel
+@allocating
 def sliding_hinges(chain):
     """Indices of the prismatic hinges, ascending; None for a plain chain."""
     if chain.rare is None:

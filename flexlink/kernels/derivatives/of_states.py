@@ -12,7 +12,7 @@ from flexlink.kernels.derivatives.inverse_derivatives import (
 )
 from flexlink.kernels.derivatives.planar_derivatives import OneState, derivatives_in_plane
 from flexlink.kernels.tools.address import records
-from flexlink.kernels.tools.compiler import by_type, kernel
+from flexlink.kernels.tools.compiler import allocating, by_type, kernel
 from flexlink.kernels.tools.finite import is_finite
 
 
@@ -42,7 +42,7 @@ def derivatives(address, wrench, q, qd, given, found):
     return derivatives_into(chain, wrench, q, qd, given, (found[0], found[1], found[2]), work)
 
 
-@kernel
+@allocating
 def derivatives_of_many(chain, wrench, q, qd, given, found, work):
     """Write the derivatives at states (b, n) with wrenches (b, 6) to `found` (3, b, n, n), in turn."""
     finite = True

@@ -33,7 +33,7 @@ from flexlink.kernels.derivatives.inverse_derivatives import keep_columns
 from flexlink.kernels.forces.elements import find_slopes, force_slopes_of, forces_of
 from flexlink.kernels.forward.mass_plus_plane import PlanePosture, levers_alone, turn_levers
 from flexlink.kernels.forward.solvers import forward_dynamics
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
+from flexlink.kernels.tools.compiler import allocating, inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.finite import are_finite, is_finite
 from flexlink.kernels.tools.lanes import LANES, at, put_at, put_lanes, put_vec_of, vec, vec_of, zero_of
 from flexlink.kernels.tools.numbered import numbered
@@ -314,7 +314,7 @@ def put_joint_loads(hinge, j, qd, r):
         r[VARIABLE.tau, j, lane] = 0.0 if hinge.prescribed else 1.0
 
 
-@kernel
+@allocating
 def slopes_side_by_side(chain):
     """Scratch (2, n, n, 8) for derivatives of force elements in eight states; None for a plain chain."""
     if chain.rare is None:
@@ -323,7 +323,7 @@ def slopes_side_by_side(chain):
     return np.zeros((2, n, n, LANES))
 
 
-@kernel
+@allocating
 def find_slopes_of_eight(chain, q, qd, start, found):
     """Write the derivatives of element torques by q and q̇ to `found`, for up to eight states from `start` on."""
     slopes = force_slopes_of(chain, forces_of(chain))

@@ -27,7 +27,7 @@ from flexlink.kernels.derivatives.inverse_derivatives import (
 )
 from flexlink.kernels.geometry.branches import rows_of_forks
 from flexlink.kernels.layout import SLIDES
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion
+from flexlink.kernels.tools.compiler import allocating, inlined, kernel, recursion
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.records import added, keep, kept
@@ -68,7 +68,7 @@ def small_motion(chain):
     )  # fmt: skip
 
 
-@kernel
+@allocating
 def matrices_of_forks(chain):
     """Scratch (rows, 12, 6) for the forks; None for a plain chain."""
     if chain.rare is None:

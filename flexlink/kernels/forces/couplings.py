@@ -4,8 +4,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.tools.compiler import kernel, recursion
-from flexlink.kernels.tools.lanes import LANES, at, empty_lanes, put_at, zero_of
+from flexlink.kernels.tools.compiler import allocating, kernel, recursion
+from flexlink.kernels.tools.lanes import LANES, at, empty_lanes, put_at, put_lane, zero_of
 from flexlink.kernels.tools.numbered import numbered
 
 CONSTANT = numbered("stiffness damping inner_rest outer_rest")  # of a coupling i, j: K_ij, D_ij, θ₀ of i and of j
@@ -18,10 +18,15 @@ class Couplings(NamedTuple):
     constants: Any  # (m, CONSTANT.size), or (m, CONSTANT.size, 8) of eight chains
 
 
-@kernel
+@allocating
 def couplings_of(chain):
     """The couplings of a chain, as a force element."""
-    couplings, hinges = chain.rare.couplings, chain.hinges
+    return couplings_between(chain.rare.couplings, chain.hinges)
+
+
+@allocating
+def couplings_between(couplings, hinges):
+    """`couplings_of` for rows of couplings between these hinges."""
     pairs, constants = np.empty((len(couplings), 2), np.int64), np.empty((len(couplings), CONSTANT.size))
     for c in range(len(couplings)):
         i, j = couplings[c].inner, couplings[c].outer
@@ -31,13 +36,14 @@ def couplings_of(chain):
     return Couplings(pairs, constants)
 
 
-@kernel
+@allocating
 def couplings_side_by_side(chains):
     """The couplings of eight chains with the same hinges and pairs; one chain per lane."""
-    pairs = couplings_of(chains[0]).pairs
+    couplings, hinges = chains.rare.couplings, chains.hinges
+    pairs = couplings_between(couplings[0], hinges[0]).pairs
     constants = empty_lanes((len(pairs), CONSTANT.size))
     for lane in range(LANES):
-        constants[:, :, lane] = couplings_of(chains[lane]).constants
+        put_lane(couplings_between(couplings[lane], hinges[lane]).constants, lane, constants)
     return Couplings(pairs, constants)
 
 
@@ -97,7 +103,7 @@ def cells_of(n, rare):
     return first
 
 
-@kernel
+@allocating
 def factor_springs(chain, joints):
     """Factors of the banded K = L D Lᵀ of the given joints with springs, O(n): row i is D_i, L_{i,i−1}, L_{i,i−2}, …
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from flexlink.kernels.geometry.kinematics import KinematicsWork, kinematics
 from flexlink.kernels.layout import SLIDES
-from flexlink.kernels.tools.compiler import inlined, kernel, subroutine
+from flexlink.kernels.tools.compiler import allocating, inlined, kernel, subroutine
 from flexlink.kernels.tools.lanes import Turns
 from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, apply, cross, dot, put, scale, sub, vector
 
@@ -43,7 +43,7 @@ class DragSlopes(NamedTuple):
     rates: Any  # (n,) complex
 
 
-@kernel
+@allocating
 def drag_of(chain):
     """The drag of a chain; without drag the scratch arrays are empty and share memory to save allocations."""
     m, n = drag_sizes(chain)
@@ -54,7 +54,7 @@ def drag_of(chain):
     return Drag(chain, KinematicsWork(np.empty((m, 3, 3)), points, axes), motion, loads, np.empty(n))
 
 
-@kernel
+@allocating
 def drag_slopes_of(chain):
     """Scratch for the derivatives of a chain's drag; without drag the arrays are empty and share memory."""
     (m, n), c = drag_sizes(chain), np.complex128
@@ -66,7 +66,7 @@ def drag_slopes_of(chain):
     return DragSlopes(drag, Turns(angles[0], angles[1], angles[2]), rates)
 
 
-@kernel
+@allocating
 def drag_sizes(chain):
     """Numbers of bodies and hinges for which to allocate scratch: 0 and 0 without drag."""
     some = min(1, len(chain.rare.drag))

@@ -47,7 +47,7 @@ from flexlink.kernels.forces.rotation_springs import (
 )
 from flexlink.kernels.forces.rotation_tangent import RotationTangent, rotation_slopes, rotation_tangent
 from flexlink.kernels.layout import FORCES, ChainArrays, Rare
-from flexlink.kernels.tools.compiler import kernel, of_each, recursion, subroutine
+from flexlink.kernels.tools.compiler import allocating, kernel, of_each, recursion, subroutine
 from flexlink.kernels.tools.lanes import at, empty_lanes, put_at, zero_of
 
 
@@ -153,7 +153,7 @@ def any_acts(rare, rotation):
     return springs or len(rare.drag) + len(rare.dampers) + len(rare.gyrators) + len(rare.hardening) > 0
 
 
-@kernel
+@allocating
 def force_slopes_of(chain, forces):
     """Scratch for the derivatives of the force elements of a chain; None for a plain chain."""
     if forces is None:
@@ -164,7 +164,7 @@ def force_slopes_of(chain, forces):
     return Slopes(elements, forces.act, np.empty((2, n, n)))
 
 
-@kernel
+@allocating
 def in_motion(chain):
     """The elements that are not couplings or springs of rotation vectors; the first one is drag."""
     return drag_of(chain), chain.rare.dampers, chain.rare.gyrators, chain.rare.hardening
@@ -184,13 +184,13 @@ def motion_slopes(chain, q, qd, by_angle, by_rate):
     add_slopes((drag_slopes_of(chain),) + in_motion(chain)[1:], q, qd, by_angle, by_rate)  # noqa: RUF005
 
 
-@kernel
-def one_of(bodies, hinges, gravity, rare, lane):
+@allocating
+def one_of(chains, lane):
     """Chain number `lane` of eight chains, whose arrays have shape (8, …)."""
-    return ChainArrays(bodies[lane], hinges[lane], gravity[lane], one_rare(rare, lane))
+    return ChainArrays(chains.bodies[lane], chains.hinges[lane], chains.gravity[lane], one_rare(chains.rare, lane))
 
 
-@kernel
+@allocating
 def one_rare(rare, lane):
     """The optional features of chain number `lane` of eight; None for plain chains."""
     if rare is None:
@@ -198,24 +198,16 @@ def one_rare(rare, lane):
     return Rare(rare.couplings[lane], rare.drag[lane], rare.dampers[lane], rare.gyrators[lane], rare.hardening[lane])
 
 
-@kernel
-def eight_of(bodies, hinges, gravity, rare):
-    """All eight chains, as a tuple, from arrays (8, …)."""
-    return (
-        one_of(bodies, hinges, gravity, rare, 0), one_of(bodies, hinges, gravity, rare, 1),
-        one_of(bodies, hinges, gravity, rare, 2), one_of(bodies, hinges, gravity, rare, 3),
-        one_of(bodies, hinges, gravity, rare, 4), one_of(bodies, hinges, gravity, rare, 5),
-        one_of(bodies, hinges, gravity, rare, 6), one_of(bodies, hinges, gravity, rare, 7),
-    )  # fmt: skip
-
-
-@kernel
+@allocating
 def forces_side_by_side(chains):
-    """The springs of eight chains with the same hinges, without the elements of `in_motion`; None for plain chains."""
-    if chains[0].rare is None:
+    """The springs of eight chains with the same hinges, without the elements of `in_motion`; None for plain chains.
+
+    The arrays of the chains have shape (8, …).
+    """
+    if chains.rare is None:
         return None
     elements = couplings_side_by_side(chains), rotation_springs_side_by_side(chains)
-    return Forces(elements, any_acts(chains[0].rare, elements[1]), empty_lanes((len(chains[0].hinges),)))
+    return Forces(elements, any_acts(one_rare(chains.rare, 0), elements[1]), empty_lanes((chains.hinges.shape[1],)))
 
 
 @subroutine

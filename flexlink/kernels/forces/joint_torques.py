@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion
+from flexlink.kernels.tools.compiler import allocating, inlined, recursion
 from flexlink.kernels.tools.lanes import at, put_at, tanh, zero_of
 from flexlink.kernels.tools.numbered import numbered
 
@@ -28,14 +28,14 @@ def friction(hinge, rate):
 JOINT = numbered("stiffness rest damping coulomb width")
 
 
-@kernel
+@allocating
 def put_joint(rows, k, hinge):
     """Copy k, θ₀, d, c, w to the first columns of row `k`."""
     rows[k, JOINT.stiffness], rows[k, JOINT.rest], rows[k, JOINT.damping] = hinge.stiffness, hinge.rest, hinge.damping
     rows[k, JOINT.coulomb], rows[k, JOINT.width] = hinge.coulomb, hinge.coulomb_width
 
 
-@kernel
+@allocating
 def dry_joints(coulomb):
     """Indices of the joints with dry friction; the other joints need no tanh."""
     count = 0
@@ -47,7 +47,7 @@ def dry_joints(coulomb):
     return dry[:count].copy()
 
 
-@kernel
+@allocating
 def prescribed_joints(hinges):
     """Boolean mask (n,) of the joints with prescribed motion."""
     prescribed = np.empty(len(hinges), np.bool_)

@@ -30,8 +30,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.kernels.layout import SPRINGS
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion, shared
-from flexlink.kernels.tools.lanes import LANES, at, eight_of, put_at, put_eight, zero_of
+from flexlink.kernels.tools.compiler import allocating, inlined, kernel, recursion, shared
+from flexlink.kernels.tools.lanes import LANES, at, eight_of, put_at, put_eight, put_lane, zero_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sincos import cos_sin_all
 from flexlink.kernels.tools.vec3 import add, add_scaled, cross, dot, scale, sub
@@ -95,7 +95,7 @@ def rotation_springs(bodies, hinges, couplings):
     return springs
 
 
-@kernel
+@allocating
 def no_springs(triples, cells):
     """Empty springs, for a chain without triples; they share arrays, since forward dynamics often allocates them."""
     none, pairs, numbers = np.empty(0, np.int64), np.empty((0, 5), np.int64), np.empty((ROW.size, 0))
@@ -103,7 +103,7 @@ def no_springs(triples, cells):
     return RotationSprings(triples, none, cells, none, triples, pairs, coupled, numbers, numbers, turns_of(numbers))
 
 
-@kernel
+@allocating
 def triples_of(bodies, hinges):
     """(t, 3) the hinges about X, Y, Z of every triple, and (c, 2) the inner and outer triple of every cell."""
     t = c = 0
@@ -121,20 +121,20 @@ def triples_of(bodies, hinges):
     return triples, cells
 
 
-@kernel
+@allocating
 def eights(count):
     """`count` rounded up to a multiple of eight."""
     return -(-count // LANES) * LANES
 
 
-@kernel
+@allocating
 def turns_of(numbers):
     """View (3, …) of the first nine rows: all half angles, all cosines, all sines."""
     size = 3 * numbers.shape[1]
     return numbers.reshape(-1)[: 3 * size].reshape(3, size)
 
 
-@kernel
+@allocating
 def slots_of(cells, count, room):
     """Slots (t,) of the triples, and the offset in numbers from the inner triple of a cell to the outer one.
 
@@ -174,7 +174,7 @@ def joined(triples, slots, cells, couplings, n):
     return within[:w].copy(), pairs[:m].copy()
 
 
-@kernel
+@allocating
 def put_constants(springs, own, both):
     """Set the diagonal of K to `own` (n,) and its couplings to `both` (couplings,); the law is linear in K."""
     for t in range(len(springs.hinges)):
@@ -186,10 +186,10 @@ def put_constants(springs, own, both):
         springs.coupled[m, 0] = both[springs.pairs[m, 4]]
 
 
-@kernel
+@allocating
 def rotation_springs_side_by_side(chains):
     """The springs of rotation vectors of eight chains with the same hinges; one chain per lane."""
-    first = rotation_springs(chains[0].bodies, chains[0].hinges, chains[0].rare.couplings)
+    first = rotation_springs(chains.bodies[0], chains.hinges[0], chains.rare.couplings[0])
     slots, outer = slots_of(first.cells, len(first.hinges), 1)
     within, pairs = first.within.copy(), first.pairs.copy()
     move_slots(first, slots, within, pairs)
@@ -197,8 +197,8 @@ def rotation_springs_side_by_side(chains):
     numbers, coupled = np.zeros((ROW.size, count * LANES)), np.empty((len(pairs), 1, LANES))
     side = numbers.reshape(ROW.size, count, LANES)
     for lane in range(LANES):
-        one = rotation_springs(chains[lane].bodies, chains[lane].hinges, chains[lane].rare.couplings)
-        coupled[:, :, lane] = one.coupled
+        one = rotation_springs(chains.bodies[lane], chains.hinges[lane], chains.rare.couplings[lane])
+        put_lane(one.coupled, lane, coupled)
         for t in range(len(slots)):
             for row in range(ROW.size):
                 side[row, slots[t], lane] = one.numbers[row, one.slots[t]]
@@ -220,7 +220,7 @@ def move_slots(springs, slots, within, pairs):
                     pairs[m, place] = slots[t]
 
 
-@kernel
+@allocating
 def rotation_of(chain):
     """The springs of rotation vectors of a chain; it may have none."""
     return rotation_springs(chain.bodies, chain.hinges, chain.rare.couplings)

@@ -29,7 +29,7 @@ from flexlink.kernels.forces.rotation_springs import (
     three,
     turned_back,
 )
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
+from flexlink.kernels.tools.compiler import allocating, inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
 from flexlink.kernels.tools.vec3 import X, Y, Z, add, add_scaled, cross, dot, pick, scale, vector
 
@@ -78,7 +78,7 @@ def rotation_tangent(springs):
     return RotationTangent(springs, blocks[:b].copy(), values[0], values[1], of_pair, of_cell, axes[0], axes[1])
 
 
-@kernel
+@allocating
 def block_of(t, u, blocks, count):
     """Index of the block of two triples among the first `count`; a new block is entered at index `count`."""
     t, u = min(t, u), max(t, u)

@@ -18,7 +18,7 @@ continues in the working axes of its parent body.
 import numpy as np
 
 from flexlink.kernels.layout import SLIDES
-from flexlink.kernels.tools.compiler import kernel
+from flexlink.kernels.tools.compiler import allocating, kernel
 from flexlink.kernels.tools.numbered import numbered
 
 LAYOUT = numbered("first stop turned restart group parent begins slot fork loaded next")
@@ -55,7 +55,7 @@ def layout_of(bodies, hinges):
     return layout
 
 
-@kernel
+@allocating
 def group_of(body, hinges):
     """Group of a body's hinges by the set of their axes, if all axes are different."""
     axes, rotors = 0, False
@@ -75,7 +75,7 @@ def group_of(body, hinges):
     return GROUP.hinges
 
 
-@kernel
+@allocating
 def common_layout(layouts):
     """Common layout for chains side by side, from layouts (lanes, bodies, LAYOUT.size) with equal hinges."""
     layout = layouts[0].copy()

@@ -4,14 +4,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.forces.elements import eight_of, forces_of, forces_side_by_side
+from flexlink.kernels.forces.elements import forces_of, forces_side_by_side, one_of
 from flexlink.kernels.forces.joint_torques import JOINT, dry_joints, prescribed_joints, put_joint
 from flexlink.kernels.forward.articulated_branches import DEMAND, FORK_SIZE
 from flexlink.kernels.forward.articulated_layout import GROUP, LAYOUT, common_layout, layout_of
 from flexlink.kernels.geometry.branches import fork_lanes, fork_rows
 from flexlink.kernels.layout import ChainArrays
 from flexlink.kernels.tools.compiler import inlined, kernel, shared
-from flexlink.kernels.tools.lanes import LANES, empty_lanes, put_vec_of, vec_of
+from flexlink.kernels.tools.lanes import LANES, empty_lanes, put_lane, put_vec_of, vec_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sym3 import point_inertia, sym_add, symmetric
 from flexlink.kernels.tools.vec3 import scale, vector
@@ -85,22 +85,24 @@ def articulated_workspace(bodies, hinges, gravity, rare):
 @kernel
 def articulated_lanes_workspace(bodies, hinges, gravity, rare):
     """The workspace for eight chains with equal hinges side by side, from arrays (8, bodies), (8, n) and (8, 3)."""
-    m, n, chains = bodies.shape[1], hinges.shape[1], eight_of(bodies, hinges, gravity, rare)
+    m, n, chains = bodies.shape[1], hinges.shape[1], ChainArrays(bodies, hinges, gravity, rare)
     axes, coulomb, layouts = np.empty(n, np.int64), np.zeros(n), np.empty((LANES, m, LAYOUT.size), np.int64)
     base, rows = empty_lanes((3,)), empty_lanes((m + 1, BODY_ROW.size))
     joints, trig = empty_lanes((n, HINGE_ROW.size)), empty_lanes((3, n))
     for lane in range(LANES):
-        chain = chains[lane]
+        chain = one_of(chains, lane)
         one = articulated_workspace(chain.bodies, chain.hinges, chain.gravity, chain.rare)
         axes[:] = one.axes
         layouts[lane] = one.layout
-        base[:, lane], rows[:, :, lane], joints[:, :, lane] = gravity[lane], one.bodies, one.hinges
+        base[:, lane] = gravity[lane]
+        put_lane(one.bodies, lane, rows)
+        put_lane(one.hinges, lane, joints)
         coulomb += one.hinges[:, JOINT.coulomb]
     prescribed, flat = prescribed_joints(hinges[0]), trig.reshape(3, n * LANES)
     layout, dry = common_layout(layouts), dry_joints(coulomb)
     return ArticulatedWork(
         base, layout, axes, prescribed, rows, joints, dry, flat, trig,
-        fork_lanes(chains[0], DEMAND.size), forces_side_by_side(chains),
+        fork_lanes(one_of(chains, 0), DEMAND.size), forces_side_by_side(chains),
     )  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexlink.kernels.tools.compiler import kernel, subroutine
+from flexlink.kernels.tools.compiler import allocating, kernel, subroutine
 from flexlink.kernels.tools.numbered import numbered
 
 FACTORS = numbered("A inverse others:6")  # of a hinge: A, 1 / D, and factors that differ between plane and space
@@ -22,7 +22,7 @@ def columns(first):
     return COUPLED.L + longest
 
 
-@kernel
+@allocating
 def rows_beside(first, rare):
     """K_kj and D_kj, (n, w, 2), of every hinge k and every hinge j before it in its cell; None for a plain chain."""
     if rare is None:

@@ -33,7 +33,7 @@ import numpy as np
 from flexlink.kernels.bodies.plane import LINK, cos_sin_less_turns, planar_workspace
 from flexlink.kernels.forces.couplings import cells_of
 from flexlink.kernels.forward.mass_plus_cells import COUPLED, rows_beside
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion
+from flexlink.kernels.tools.compiler import allocating, inlined, kernel, recursion
 from flexlink.kernels.tools.lanes import at, put_at
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sincos import cos_sin_all
@@ -71,7 +71,7 @@ def plane_postures(s, posture):
     return PlanePosture(posture.links, posture.prescribed, trig, d, h, posture.first, posture.coupled, posture.radius)
 
 
-@kernel
+@allocating
 def levers_alone(planar, levers):
     """A posture that shares the memory of `planar`, for one state or eight, where only d and h are needed."""
     links, prescribed, trig = planar.links, planar.prescribed, planar.trig

@@ -41,7 +41,7 @@ from flexlink.kernels.forward.mass_plus_slides import (
     place_slides,
 )
 from flexlink.kernels.layout import SLIDES
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
+from flexlink.kernels.tools.compiler import allocating, inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.rare import rarely
@@ -84,7 +84,7 @@ def space_posture(bodies, hinges, gravity, rare):
     )  # fmt: skip
 
 
-@kernel
+@allocating
 def rows_of_tree(forks, axes):
     """Rows for forks; at least one if there are prismatic joints."""
     if forks is None:

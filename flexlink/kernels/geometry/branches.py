@@ -6,11 +6,11 @@ Row 0 belongs to the base. A body with branches uses row `fork`; the first body 
 
 import numpy as np
 
-from flexlink.kernels.tools.compiler import kernel
+from flexlink.kernels.tools.compiler import allocating, kernel
 from flexlink.kernels.tools.lanes import empty_lanes
 
 
-@kernel
+@allocating
 def rows_of_forks(bodies):
     """Number of rows, including the row of the base; zero for a chain without branches."""
     rows = 0
@@ -20,7 +20,7 @@ def rows_of_forks(bodies):
     return rows
 
 
-@kernel
+@allocating
 def fork_rows(chain, size):
     """Return an array with a row of `size` numbers per fork; None for a plain chain."""
     if chain.rare is None:
@@ -28,7 +28,7 @@ def fork_rows(chain, size):
     return np.zeros((rows_of_forks(chain.bodies), size))
 
 
-@kernel
+@allocating
 def fork_lanes(chain, size):
     """`fork_rows` for eight states side by side."""
     if chain.rare is None:

@@ -20,7 +20,7 @@ is I, u, z; in each row of `held`, the memories of all joints follow the d torqu
 from flexlink.kernels.bodies.rigid_model import model_torque
 from flexlink.kernels.inputs.laws import CASCADE_GRAVITY
 from flexlink.kernels.inputs.references import reference
-from flexlink.kernels.tools.compiler import entry, inlined, recursion
+from flexlink.kernels.tools.compiler import entry, inlined, recursion, shared
 from flexlink.kernels.tools.lanes import LANES, clip
 
 
@@ -41,6 +41,7 @@ def model_of(models, lane):
     return None if models is None else models[lane]
 
 
+@shared
 @entry
 def cascade(drive, model, t, middle, q, qd, first, before, after):
     """Write the torques and the memory of an instant to `after` (d + …,), from those of the instant `before`.

@@ -171,7 +171,7 @@ def narrow(size, work):
     return found and find_rates(1.0, 0.0, size, work)
 
 
-@recursion
+@subroutine
 def find_rates(wider, part, size, work):
     """Newton's iteration for V + `part` g f(V), with widths multiplied by `wider`; returns whether it converged."""
     turning, J, rows = work.turning, work.turning.J, work.turning.rows

@@ -118,7 +118,7 @@ def impulse_norm(τ, e_v, springs, posture, chain):
     return thrown(τ, springs, posture, chain)
 
 
-@recursion
+@subroutine
 def thrown(τ, springs, posture, chain):
     """Largest displacement [m] of a body in a time τ due to impulses [N m s]; `springs.r` is τ times the impulses."""
     factors, r, δ = springs.factors, springs.r, springs.δ

@@ -151,17 +151,15 @@ def improve(h, by_stage, work):
 @inlined
 def solve_one(h, λ, factors, r, x, by_stage, work):
     """Solve for x_λ with r = T⁻¹ R, or with r = T⁻¹ w if `by_stage`."""
-    if not by_stage:
-        solve(factors, r, x, work.posture)
-        return
     for k in range(len(r)):
-        x[k] = (factors[k, FACTORS.A] - work.factors[0, k, FACTORS.A]) * r[k]
-    if work.posture.first is not None and len(work.posture.first) > 0:
+        x[k] = (factors[k, FACTORS.A] - work.factors[0, k, FACTORS.A]) * r[k] if by_stage else r[k]
+    if by_stage and work.posture.first is not None and len(work.posture.first) > 0:
         γ = work.method.real[0]
         add_products(h * (λ - γ), h * h * (λ * λ - γ * γ), work.chain.rare, r, x)
     solve(factors, x, x, work.posture)
-    for k in range(len(r)):
-        x[k] = r[k] - x[k]
+    if by_stage:
+        for k in range(len(r)):
+            x[k] = r[k] - x[k]
 
 
 @inlined

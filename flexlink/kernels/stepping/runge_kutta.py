@@ -16,7 +16,7 @@ import numpy as np
 
 from flexlink.kernels.forward.solvers import forward_under
 from flexlink.kernels.inputs.drive_torque import follow, sample_at_step, stage_torque
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
+from flexlink.kernels.tools.compiler import entry, inlined, kernel, recursion, shared, subroutine
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import at, put_at
 
@@ -139,7 +139,8 @@ def step(work, tableau, inputs, h, number, state, stages):
     follow(inputs.motion, (number + 1) * h, q, qd, K[0])
 
 
-@kernel
+@shared
+@entry
 def stage(work, inputs, t, middle, q, qd, tau, qdd):
     """Write q̈ of a stage whose drive torques `tau` (n,) are given; returns the power of non-conservative forces.
 

@@ -4,9 +4,9 @@ import numpy as np
 
 from flexlink.kernels.bodies.energy import energies_of
 from flexlink.kernels.forces.elements import forces_of
-from flexlink.kernels.forward.solvers import forward_under
 from flexlink.kernels.geometry.kinematics import kinematics, kinematics_workspace
-from flexlink.kernels.inputs.drive_torque import follow, sample_at_step, stage_torque
+from flexlink.kernels.inputs.drive_torque import sample_at_step, stage_torque
+from flexlink.kernels.stepping.runge_kutta import stage
 from flexlink.kernels.tools.compiler import kernel, subroutine
 from flexlink.kernels.tools.vec3 import put, vector
 
@@ -42,5 +42,4 @@ def prescribed_torques(work, inputs, ts, qs, qds, taus):
     qdd = np.zeros(qs.shape[1])
     for row in range(len(ts)):
         q, qd = qs[row].copy(), qds[row].copy()
-        follow(inputs.motion, ts[row], q, qd, qdd)
-        forward_under(inputs, ts[row], ts[row], q, qd, taus[row], qdd, work)
+        stage(work, inputs, ts[row], ts[row], q, qd, taus[row], qdd)

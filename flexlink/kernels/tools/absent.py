@@ -12,9 +12,10 @@ from numba.core import ir, types
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import FunctionPass, register_pass
 from numba.core.ir_utils import get_definition, guard
+from numba.core.typed_passes import NativeLowering
 from numba.core.untyped_passes import IRProcessing
 
-from flexlink.kernels.tools.parts import Part
+from flexlink.kernels.tools.parts import LowerKernel, Part
 
 
 @register_pass(mutates_CFG=False, analysis_only=False)
@@ -67,6 +68,17 @@ def _type_of(func_ir: Any, arguments: Any, variable: Any) -> Any:
     return None
 
 
+UNUSED = {
+    "WithLifting",
+    "InlineClosureLikes",
+    "InlineInlinables",
+    "InlineOverloads",
+    "FindLiterallyCalls",
+    "LiteralUnroll",
+}
+"""Passes for parts of Python that kernels do not use: `with`, functions in functions, literal arguments."""
+
+
 class KernelCompiler(CompilerBase):
     """Numba's compiler with this pass; for a function that is only inlined it makes a `Part`."""
 
@@ -80,5 +92,10 @@ class KernelCompiler(CompilerBase):
             self.state.library = Part(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
         passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
         passes.add_pass_after(DecideAbsent, IRProcessing)
+        passes.passes = [
+            (LowerKernel if each is NativeLowering else each, text)
+            for each, text in passes.passes
+            if each.__name__ not in UNUSED
+        ]
         passes.finalize()
         return [passes]

@@ -84,6 +84,11 @@ def recursion(function: Callable[..., Any]) -> Any:
     return _compile(function, **BORROWS, **ONLY_KERNELS)
 
 
+def allocating(function: Callable[..., Any]) -> Any:
+    """A function for kernels that allocates arrays, such as a workspace. It cannot be called from Python."""
+    return _compile(function, **ONLY_KERNELS)
+
+
 def subroutine(function: Callable[..., Any]) -> Any:
     """A long recursion that kernels call by its symbol: they do not inline it, so it is compiled only once.
 

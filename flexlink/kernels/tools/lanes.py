@@ -332,6 +332,14 @@ def put_lanes(rows, start, side):
 
 
 @recursion
+def put_lane(part, lane, side):
+    """Write an array (m, p) to a lane of an array (m, p, 8)."""
+    for i in range(part.shape[0]):
+        for k in range(part.shape[1]):
+            side[i, k, lane] = part[i, k]
+
+
+@recursion
 def keep_lanes(side, start, rows):
     """Write numbers side by side to the rows `start` … of an array (b, p)."""
     for lane in range(min(LANES, len(rows) - start)):

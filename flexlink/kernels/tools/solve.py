@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from flexlink.kernels.tools.compiler import entry, inlined
+from flexlink.kernels.tools.compiler import entry, inlined, shared
 
 EPS = 2.0**-52
 
@@ -32,6 +32,7 @@ def end_probe(b, probe):
         b[:] = np.nan
 
 
+@shared
 @entry
 def solve_lu(A, b, probe):
     """Solve A x = b, A symmetric positive definite, by LU with partial pivoting (the paper's method).
