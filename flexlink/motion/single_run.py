@@ -427,7 +427,8 @@ def _identify_types(record: Record) -> None:
     """Note the types of the arguments of kernels that runs of one owner share: all others are always the same."""
     if not record.kept.types:
         run, chain = record.run, record.chain
-        solver = f"{run.solver} {chain.is_planar} {chain.shapes is not None}".encode()
+        tied = record.problem.ties is not None
+        solver = f"{run.solver} {chain.is_planar} {chain.shapes is not None} {tied}".encode()
         drive, *others = record.inputs
         record.kept.types = types_of(chain.arrays, *others) + _types_of_drive(drive) + solver
 

@@ -38,7 +38,7 @@ def problem_of(scene: Scene, chain: Chain | None = None, inputs: Inputs | None =
 
         check_placements(scene)
     inputs = input_arrays(scene, chain) if inputs is None else inputs
-    return InitialValueProblem(scene, chain, inputs, *state_under(inputs, scene, chain), base)
+    return InitialValueProblem(scene, chain, inputs, *state_under(inputs, scene, chain), base=base)
 
 
 def started(problem: InitialValueProblem, scene: Scene) -> InitialValueProblem:
