@@ -67,6 +67,8 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     r, p = len(method.modes.real), len(method.modes.complex)
     # largest number of joints, since the cost of the small matrix grows as (stages · joints)³; few fixed steps need it
     most = 8 if record.run.controlled else 40
+    if record.problem.ties is not None:
+        most = 0  # responses to friction do not contain the ties, so friction is linearized
     turning, with_error = turning_of(chain, most, s, r, p), record.run.controlled and method.controlled
     numbers[STEPPER.wait] = 0.0 if with_error else np.inf
     # Factor on the error of a step in which dry friction stops or releases a joint: the stages K jump there, and the

@@ -4,7 +4,6 @@
 
     POINT      g = u · (p_a − p_b)       along a direction u of frame 0, for points of two bodies, or of one and frame 0
     DISTANCE   g = |p_a − p_b| − l       a rod
-    JOINT      g = q_k − l
 
 All stages satisfy g = 0 (index 3). In the coordinates of `newton`, in which the stages decouple, with z = hλ_A for an
 eigenvalue λ_A of the method's A, each system gets the rows as a border:
@@ -37,13 +36,13 @@ from flexlink.kernels.stepping.implicit_layout import VECTOR
 from flexlink.kernels.tools.compiler import entry, inlined, recursion, shared, subroutine
 from flexlink.kernels.tools.numbered import numbered
 
-KIND = numbered("point distance joint")
+KIND = numbered("point distance")
 TIE = np.dtype(
     [
-        ("kind", np.int64), ("a", np.int64), ("b", np.int64),  # bodies; −1: frame 0; of JOINT: its index, −1
+        ("kind", np.int64), ("a", np.int64), ("b", np.int64),  # bodies; −1: frame 0
         ("point_a", np.float64, (3,)), ("point_b", np.float64, (3,)),  # in axes of the bodies [m]
         ("along", np.float64, (3,)),  # u
-        ("length", np.float64),  # l [m], [rad]
+        ("length", np.float64),  # l [m]
     ],
     align=True,
 )  # fmt: skip
@@ -100,18 +99,16 @@ def add_slope(chain, placed, body, x, y, z, u, v, w, sign, J):
         i = chain.bodies[i].parent - 1
 
 
-@subroutine
-def find_rows(chain, q, g, J, ties):
-    """Write g (r,) and J (r, n) at angles q."""
-    placed, a, b, u = ties.placed, ties.points[0], ties.points[1], ties.points[2]
+@shared
+@entry
+def find_rows(chain, rows, q, placed, points, g, J):
+    """Write g (r,) and J (r, n) at angles q; `placed` and `points` (3, 3) are scratch."""
+    a, b, u = points[0], points[1], points[2]
     kinematics(chain, q, placed)
-    for k in range(len(ties.rows)):
-        row = ties.rows[k]
+    for k in range(len(rows)):
+        row = rows[k]
         for j in range(len(q)):
             J[k, j] = 0.0
-        if row.kind == KIND.joint:
-            g[k], J[k, row.a] = q[row.a] - row.length, 1.0
-            continue
         place(row.a, row.point_a, placed, a)
         place(row.b, row.point_b, placed, b)
         if row.kind == KIND.distance:
@@ -131,7 +128,7 @@ def find_rows(chain, q, g, J, ties):
 def begin_ties(q, work):
     """Find J at the middle of the step; the stages begin with their last multipliers, if these are numbers."""
     ties = work.ties
-    find_rows(work.chain, q, ties.gap[0], ties.middle, ties)
+    find_rows(work.chain, ties.rows, q, ties.placed, ties.points, ties.gap[0], ties.middle)
     for i in range(len(ties.λ)):
         for k in range(len(ties.rows)):
             if not math.isfinite(ties.λ[i, k]):
@@ -142,7 +139,7 @@ def begin_ties(q, work):
 def pull(i, q, R, work):
     """Subtract Jᵀ λ from the residual R (n,) of stage i, and note its gaps."""
     ties = work.ties
-    find_rows(work.chain, q, ties.gap[i], ties.J, ties)
+    find_rows(work.chain, ties.rows, q, ties.placed, ties.points, ties.gap[i], ties.J)
     for k in range(len(ties.rows)):
         for j in range(len(q)):
             R[j] -= ties.J[k, j] * ties.λ[i, k]
@@ -230,7 +227,7 @@ def project(q, qd, work):
     factor(factors, work.posture)
     before = math.inf
     for again in range(TIMES):
-        find_rows(work.chain, q, ties.gap[0], J, ties)
+        find_rows(work.chain, ties.rows, q, ties.placed, ties.points, ties.gap[0], J)
         off = 0.0
         for k in range(r):
             off = max(off, abs(ties.gap[0, k]))
@@ -299,11 +296,11 @@ def accelerate(state, work):
         sign = 1.0 - 2.0 * side
         for k in range(n):
             x[k] = q[k] + sign * nudge * qd[k]
-        find_rows(work.chain, x, ties.gap[-1], ties.J, ties)
+        find_rows(work.chain, ties.rows, x, ties.placed, ties.points, ties.gap[-1], ties.J)
         for k in range(r):
             for j in range(n):
                 g[k] += sign * ties.J[k, j] * qd[j] / (2.0 * nudge)
-    find_rows(work.chain, q, ties.gap[-1], ties.J, ties)
+    find_rows(work.chain, ties.rows, q, ties.placed, ties.points, ties.gap[-1], ties.J)
     answer(ties.J, work.factors[0], ties.real[0], ties.S[0], work.vectors[VECTOR.rhs], work.posture)
     for k in range(r):
         for j in range(n):
