@@ -45,9 +45,10 @@ class Tie(Spec, frozen=True):
 
     Examples
     --------
-    >>> pin = fl.Tie(name="pin", kind="point", link="fore", to=fl.TieEnd(point=(1.0, 0.6, 0.0)))
-    >>> print(pin.kind, pin.to.point)
-    point (1.0, 0.6, 0.0)
+    >>> rod = fl.details.Tie(name="rod", kind="distance", link="fore", length=1.2, to={"point": (1.0, -0.8, 0.0)})
+    >>> held = fl.simulate(scene.varied({"tie": (rod,), "drive": fl.Drive(), "run.tolerance": 1e-4}), duration=0.1)
+    >>> print(np.linalg.norm(held.tip - rod.to.point, axis=1).round(12).max())  # m
+    1.2
     """
 
     name: str
