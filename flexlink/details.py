@@ -1,4 +1,4 @@
-"""Details of a description that few scenes need: Denavit-Hartenberg parameters, root springs, a base state, filters, ties."""
+"""Details of a description that few scenes need: Denavit-Hartenberg parameters, root springs, filters, ties."""
 
 from flexlink.describe.drive import DriveFilter
 from flexlink.describe.filters import Filter

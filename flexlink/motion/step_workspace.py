@@ -97,6 +97,7 @@ def ties_of(record: Record, s: int, real: int, pairs: int) -> Ties | None:
         rows, np.array([chain.size]), kinematics_workspace(chain.arrays), λ, gap, J, middle,
         np.zeros((real, r, n)), np.zeros((pairs, r, n), complex), np.zeros((real, r, r)),
         np.zeros((pairs, r, r), complex), np.zeros((r, r + 1)), np.zeros((r, r + 1), complex), np.zeros((3, 3)),
+        np.zeros(r),
     )  # fmt: skip
 
 

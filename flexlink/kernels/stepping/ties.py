@@ -12,7 +12,7 @@ eigenvalue λ_A of the method's A, each system gets the rows as a border:
     Y = (M + A_z)⁻¹ Jᵀ,  S = J Y:       S μ = J x⁰ + (T⁻¹ g) / z²,  x = x⁰ − Y μ        x⁰: without ties
     λ_i ← λ_i + Σ T_iz μ_z
 
-S is regularized relative to its largest entry. The passes remove the effect, so redundant rows need no special case.
+Redundant rows, which depend on others at the posture in the middle of the step, get no change of their multipliers.
 
 What the iteration leaves of g would have to be undone within the next step, by q̈ of the order g / h², and of J q̇ an
 error of h³ would remain. Therefore both are removed after every step and in every sample, in the metric of the step, in
@@ -46,8 +46,8 @@ TIE = np.dtype(
     ],
     align=True,
 )  # fmt: skip
-PROXIMAL = 1e-9
-"""Regularization of S, relative to its largest entry: above the rounding errors of its entries for any useful arm."""
+REDUNDANT = 1e-11
+"""Pivot of S, relative to the largest, up to which a row is redundant: above the rounding errors of any useful arm."""
 CLOSED = 1e-14
 """Largest |g| of a closed row, relative to the size of the arm."""
 TIMES = 8  # corrections of q after a step; one is enough if the step is accurate
@@ -70,6 +70,7 @@ class Ties(NamedTuple):
     matrix: Any  # (r, r + 1) of a small system, with its right-hand side
     matrix_pairs: Any
     points: Any  # (3, 3) p_a, p_b, u
+    used: Any  # (r,)
 
 
 @recursion
@@ -147,20 +148,16 @@ def pull(i, q, R, work):
 
 @recursion
 def answer(J, factors, Y, S, r, posture):
-    """Write Y = (M + A)⁻¹ Jᵀ, as rows, and the regularized S = J Y; `r` (n,) is scratch."""
+    """Write Y = (M + A)⁻¹ Jᵀ, as rows, and S = J Y; `r` (n,) is scratch."""
     for k in range(len(J)):
         for j in range(len(r)):
             r[j] = J[k, j]
         solve(factors, r, Y[k], posture)
-    largest = 0.0
     for k in range(len(J)):
         for m in range(len(J)):
             S[k, m] = 0.0
             for j in range(len(r)):
                 S[k, m] += J[k, j] * Y[m, j]
-        largest = max(largest, abs(S[k, k]))
-    for k in range(len(J)):
-        S[k, k] += PROXIMAL * largest
 
 
 @subroutine
@@ -174,25 +171,30 @@ def answer_ties(work):
 
 
 @recursion
-def solve_small(A):
-    """Replace the last column b of A (r, r + 1) by the solution of A x = b, by elimination with partial pivoting."""
-    r = len(A)
+def solve_small(A, used):
+    """Replace the last column b of A (r, r + 1) by x with A x = b, 0 for redundant rows; `used` (r,) is scratch.
+
+    Elimination with the largest pivot first; a row whose pivot is a rounding error depends on those before it.
+    """
+    r, first = len(A), 0.0
     for k in range(r):
-        pivot = k
-        for i in range(k + 1, r):
-            if abs(A[i, k]) > abs(A[pivot, k]):
-                pivot = i
-        if pivot != k:
-            for j in range(k, r + 1):
-                A[k, j], A[pivot, j] = A[pivot, j], A[k, j]
-        for i in range(k + 1, r):
-            part = A[i, k] / A[k, k]
-            for j in range(k + 1, r + 1):
-                A[i, j] -= part * A[k, j]
-    for k in range(r - 1, -1, -1):
-        for j in range(k + 1, r):
-            A[k, r] -= A[k, j] * A[j, r]
-        A[k, r] /= A[k, k]
+        used[k] = 0.0
+    for _ in range(r):
+        p = -1
+        for k in range(r):
+            if used[k] == 0.0 and (p < 0 or abs(A[k, k]) > abs(A[p, p])):
+                p = k
+        first = max(first, abs(A[p, p]))
+        if abs(A[p, p]) <= REDUNDANT * first:
+            break
+        used[p] = 1.0
+        for i in range(r):
+            if i != p:
+                part = A[i, p] / A[p, p]
+                for j in range(r + 1):
+                    A[i, j] -= part * A[p, j]
+    for k in range(r):
+        A[k, r] = A[k, r] / A[k, k] if used[k] > 0.0 else 0.0 * A[k, r]
 
 
 @recursion
@@ -210,7 +212,7 @@ def hold(z, m, twice, T, Tinv, x, Y, S, A, ties):
         for l in range(r):
             A[k, l] = S[k, l]
         A[k, r] = wrong
-    solve_small(A)
+    solve_small(A, ties.used)
     for k in range(r):
         for j in range(len(x)):
             x[j] -= A[k, r] * Y[k, j]
@@ -222,7 +224,7 @@ def hold(z, m, twice, T, Tinv, x, Y, S, A, ties):
 def project(q, qd, work):
     """Put q and q̇ (n,) onto the rows, in the metric of the step, and leave the posture there."""
     ties, r = work.ties, len(work.ties.rows)
-    J, Y, S, A, factors = ties.J, ties.real[0], ties.S[0], ties.matrix, work.factors[0]
+    J, Y, S, factors = ties.J, ties.real[0], ties.S[0], work.factors[0]
     place_bodies(q, work.posture)
     factor(factors, work.posture)
     before = math.inf
@@ -234,25 +236,24 @@ def project(q, qd, work):
         if again > 0 and (off <= CLOSED * ties.size[0] or off >= before):
             break
         answer(J, factors, Y, S, work.vectors[VECTOR.rhs], work.posture)
-        move_by(ties.gap[0], q, Y, S, A)
+        move_by(ties.gap[0], q, Y, S, ties)
         before = off
-    for _ in range(2):  # the second time removes the effect of the regularization
-        for k in range(r):
-            ties.gap[0, k] = 0.0
-            for j in range(len(qd)):
-                ties.gap[0, k] += J[k, j] * qd[j]
-        move_by(ties.gap[0], qd, Y, S, A)
+    for k in range(r):
+        ties.gap[0, k] = 0.0
+        for j in range(len(qd)):
+            ties.gap[0, k] += J[k, j] * qd[j]
+    move_by(ties.gap[0], qd, Y, S, ties)
 
 
 @recursion
-def move_by(g, q, Y, S, A):
+def move_by(g, q, Y, S, ties):
     """q ← q − Y S⁻¹ g."""
-    r = len(S)
+    r, A = len(S), ties.matrix
     for k in range(r):
         for l in range(r):
             A[k, l] = S[k, l]
         A[k, r] = g[k]
-    solve_small(A)
+    solve_small(A, ties.used)
     for k in range(r):
         for j in range(len(q)):
             q[j] -= A[k, r] * Y[k, j]
@@ -269,7 +270,7 @@ def keep(e_v, y, work):
         g[k] = 0.0
         for j in range(len(y)):
             g[k] += J[k, j] * (e_v[j] + y[j])
-    move_by(g, y, ties.real[0], ties.S[0], ties.matrix)
+    move_by(g, y, ties.real[0], ties.S[0], ties)
 
 
 @shared
@@ -305,4 +306,4 @@ def accelerate(state, work):
     for k in range(r):
         for j in range(n):
             g[k] += ties.J[k, j] * qdd[j]
-    move_by(g, qdd, ties.real[0], ties.S[0], ties.matrix)
+    move_by(g, qdd, ties.real[0], ties.S[0], ties)
