@@ -45,7 +45,7 @@ BRIEF.maxstring, BRIEF.maxother = 60, 400
 TOO_DEEP = "nested too deeply"
 
 _thread = threading.local()
-"""`validated`: whether the values of a description being built are checked already; `consistent`: with others, too."""
+"""`validated`: whether the values of a description being built are checked already; `consistent`: also as a whole."""
 
 
 def build_validated(make: Callable[..., T], *arguments: Any, **fields: Any) -> T:

@@ -101,7 +101,7 @@ def gaps(rows: Rows, chain: Chain, q: Array) -> tuple[Array, Array]:
 
 
 def closed(rows: Rows | None, chain: Chain, q: Array, qd: Array) -> tuple[Array, Array]:
-    """The state near q, q̇ (n,) in which all ties are closed; a warning tells which joint moved most.
+    """The state near q, q̇ (n,) in which all ties are closed; a warning names the joint that moved most.
 
     The driven joints and free joints move; springs only if these are not enough.
 
