@@ -1,10 +1,11 @@
-"""Details of a description that few scenes need: Denavit-Hartenberg parameters, root springs, a base state, filters."""
+"""Details of a description that few scenes need: Denavit-Hartenberg parameters, root springs, filters, ties."""
 
 from flexlink.describe.drive import DriveFilter
 from flexlink.describe.filters import Filter
 from flexlink.describe.initial import BaseState
 from flexlink.describe.joint import DenavitHartenberg
 from flexlink.describe.link import RootDamping, RootStiffness, StrainModes
+from flexlink.describe.tie import Tie, TieEnd
 
 __all__ = [
     "BaseState",
@@ -14,4 +15,6 @@ __all__ = [
     "RootDamping",
     "RootStiffness",
     "StrainModes",
+    "Tie",
+    "TieEnd",
 ]

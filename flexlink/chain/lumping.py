@@ -30,6 +30,7 @@ from flexlink.describe.hinges import hinges_of
 from flexlink.describe.link import ROOT_AXES, Link
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import lumping_rule
+from flexlink.describe.tie import refuse_ties
 from flexlink.kernels.layout import COUPLING, HINGE, SLIDES
 
 
@@ -66,6 +67,7 @@ def lump(scene: Scene) -> Chain:
     ('upper', 'upper.1.z', 'upper.2.z', 'fore', 'fore.1.z', 'fore.2.z')
     """
     arm = require_type("scene", scene, Scene).arm
+    refuse_ties(scene.tie)
     if has_user_rules(scene):
         return _lumped(scene)
     known = scene.name, scene.gravity, scene.fluid_density, situation(scene), posture_of(scene)

@@ -44,6 +44,7 @@ from flexlink.describe.spec import (
     mistakes,
     raise_together,
 )
+from flexlink.describe.tie import Tie, tie_mistakes
 from flexlink.describe.vary import apply_changes, as_document, parts_by_key, to_document, top_level_keys, values_at
 from flexlink.describe.writing import toml_of, without_defaults
 
@@ -80,6 +81,8 @@ class Scene(Spec, frozen=True):
     """Force and moment on the tip."""
     sensor: tuple[Sensor, ...] = ()
     """Sensors, `[[sensor]]` in a file: their readings are columns of every run."""
+    tie: tuple[Tie, ...] = ()
+    """Ties that close loops, `[[tie]]` in a file."""
     run: RunSettings = RunSettings()
     """Integration settings."""
 
@@ -107,6 +110,7 @@ class Scene(Spec, frozen=True):
             lambda: checks.check_base(arm, initial, drive),
             lambda: checks.check_wrench(arm, self.wrench),
             lambda: raise_together(sensor_mistakes(self.sensor, arm)),
+            lambda: raise_together(tie_mistakes(self.tie, arm)),
         ])  # fmt: skip
 
     def _check_air(self) -> None:
@@ -313,7 +317,7 @@ class Scene(Spec, frozen=True):
         if gauges:
             text = f"{self.name}: strain gauges left out: {short_list(gauges)}; rigid links do not bend; read run.loads"
             warnings.warn(Diagnostic(text, id="strain-gauges-left-out"), UserWarning, stacklevel=2)
-        kept = {name: getattr(self, name) for name in ("drive", "motion", "wrench")}
+        kept = {name: getattr(self, name) for name in ("drive", "motion", "wrench", "tie")}
         sensors = tuple(sensor for sensor in self.sensor if sensor.kind != "strain")
         rigid: Scene = build_validated(replace, bare_and_rigid(self), sensor=sensors, **kept)
         return rigid
@@ -349,7 +353,7 @@ class Scene(Spec, frozen=True):
             initial.pop("joint_deg", None)
         order = (
             "name", "about", "gravity", "air_density", "base", "material", "section", "rigidity", "link", "tip",
-            "initial", "drive", "motion", "wrench", "sensor", "run",
+            "initial", "drive", "motion", "wrench", "sensor", "tie", "run",
         )  # fmt: skip
         written = {key: document[key] for key in order if key in document and document[key] != {}}
         return toml_of(written, inline=frozenset({"base"}))

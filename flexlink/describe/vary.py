@@ -183,7 +183,7 @@ class _Change:
         # names of the components of a vector
         axes = ("x", "y", "z")
         # lists of tables other than links, with the key that names their items
-        named = {"motion": "link", "sensor": "name"}
+        named = {"motion": "link", "sensor": "name", "tie": "name"}
         part = self.parts[depth]
         if isinstance(kind, dict):
             return [self._one_of(part, kind, keys=True)]

@@ -6,6 +6,9 @@ import dataclasses
 import functools
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.describe.run_settings import RunSettings, steps_explicitly
@@ -24,6 +27,7 @@ class InitialValueProblem:
     inputs: Inputs  # drive, motions that are given, tip wrench
     q: Array  # (n,) initial angles [rad] and rates [rad/s]; read-only by convention
     qd: Array
+    ties: NDArray[np.void] | None = None  # (r,) TIE, rows that close loops; None: an open chain
     base: FloatingBase | None = None  # reference attitude of a floating base; `chain` is then `base.chain`
 
     @property

@@ -26,6 +26,7 @@ from flexlink.kernels.stepping.embedded import EmbeddedWork
 from flexlink.kernels.stepping.implicit_layout import ImplicitWork
 from flexlink.kernels.stepping.saturation import choose_branches
 from flexlink.kernels.stepping.step_state import COUNT, SO_FAR, STEPPER
+from flexlink.kernels.stepping.ties import accelerate
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.motion.inputs.actuation import acting_at
 from flexlink.motion.inputs.drives import remembered as remembered_by
@@ -332,6 +333,11 @@ class MethodSteps:
         start, steps = (0.0, self.inputs, self.state, self.tau, self.forward), self._arguments(0)
         self.types = types = self._types(kept)
         self._begin = kept("begin", None, lambda: direct(adaptive.begin, *start, types=kept.types))
+        if self.record.problem.ties is not None:
+            begin, tied = self._begin, (self.state, self.work)
+            find = functools.partial(direct, accelerate, *tied, types=types)
+            satisfy = kept(("tied", self.name), (types, self.method), find)
+            self._begin = lambda *start: (begin(*start), satisfy(*tied))
         self._take_steps = kept(
             ("steps", self.name), (types, self.method), lambda: direct(adaptive.advance, *steps, types=types)
         )

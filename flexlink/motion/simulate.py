@@ -181,7 +181,7 @@ class Problem:
     """
 
     def __init__(self, scene: Scene) -> None:
-        self._problem = problem_of(require_type("scene", scene, Scene))
+        self._problem = problem_of(require_type("scene", scene, Scene), tied=True)
         self.scene, self.chain = scene, self._problem.original
         self._idle: list[tuple[InitialValueProblem, Kept]] = [(self._problem, Kept())]
 
@@ -257,7 +257,7 @@ class Problem:
         try:
             problem, kept = self._idle.pop()
         except IndexError:  # in use by another thread
-            problem, kept = problem_of(self.scene, self.chain), Kept()
+            problem, kept = problem_of(self.scene, self.chain, tied=True), Kept()
         try:
             if before is not None:
                 self._check_stored(before, problem.inputs.drive)

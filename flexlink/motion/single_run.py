@@ -346,7 +346,7 @@ def _other(
 
     def prepared() -> InitialValueProblem:
         if problem.base is not None:
-            return problem_of(problem.scene, problem.original)
+            return problem_of(problem.scene, problem.original, tied=True)
         drive = problem.inputs.drive  # a sampled drive writes to its memory
         drive = drive._replace(held=drive.held.copy(), next_instant=drive.next_instant.copy())
         return dataclasses.replace(problem, inputs=problem.inputs._replace(drive=drive))
@@ -380,7 +380,7 @@ def verify(monitor: Monitor, stop: Stop) -> Iterator[Diagnostic]:
         limited = replace(second.run, max_evaluations=most) if second.run.controlled else second.run
         try:
             again = replace(problem.scene, run=limited)  # fails if the start is not a multiple of the new step
-            other = SingleRun(problem_of(again, problem.original), halved=limited.controlled, passes=False)
+            other = SingleRun(problem_of(again, problem.original, tied=True), halved=limited.controlled, passes=False)
             other.advance(stop)
         except FlexlinkError:
             continue
@@ -427,7 +427,8 @@ def _identify_types(record: Record) -> None:
     """Note the types of the arguments of kernels that runs of one owner share: all others are always the same."""
     if not record.kept.types:
         run, chain = record.run, record.chain
-        solver = f"{run.solver} {chain.is_planar} {chain.shapes is not None}".encode()
+        tied = record.problem.ties is not None
+        solver = f"{run.solver} {chain.is_planar} {chain.shapes is not None} {tied}".encode()
         drive, *others = record.inputs
         record.kept.types = types_of(chain.arrays, *others) + _types_of_drive(drive) + solver
 

@@ -21,12 +21,14 @@ from flexlink.kernels.forward.mass_plus import factor_columns
 from flexlink.kernels.forward.mass_plus_plane import plane_postures
 from flexlink.kernels.forward.mass_plus_shapes import ShapedPosture, shaped_postures
 from flexlink.kernels.forward.mass_plus_space import space_postures
+from flexlink.kernels.geometry.kinematics import kinematics_workspace
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.embedded import EmbeddedMethod, EmbeddedWork
 from flexlink.kernels.stepping.error_norm import Springs
 from flexlink.kernels.stepping.implicit_layout import VECTOR, ImplicitMethod, ImplicitWork, Turning
 from flexlink.kernels.stepping.saturation import Saturation
 from flexlink.kernels.stepping.step_state import STEPPER
+from flexlink.kernels.stepping.ties import Ties
 from flexlink.motion.inputs.drives import gains_at_zero
 from flexlink.motion.tolerable import read_by
 from flexlink.results.record import Record
@@ -65,6 +67,8 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     r, p = len(method.modes.real), len(method.modes.complex)
     # largest number of joints, since the cost of the small matrix grows as (stages · joints)³; few fixed steps need it
     most = 8 if record.run.controlled else 40
+    if record.problem.ties is not None:
+        most = 0  # responses to friction do not contain the ties, so friction is linearized
     turning, with_error = turning_of(chain, most, s, r, p), record.run.controlled and method.controlled
     numbers[STEPPER.wait] = 0.0 if with_error else np.inf
     # Factor on the error of a step in which dry friction stops or releases a joint: the stages K jump there, and the
@@ -77,7 +81,23 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
         forces, posture, numbers, new,
         np.zeros((6, s, n)), np.zeros(s), np.zeros((VECTOR.size, n)), springs, saturation,
         np.zeros((r, n, width)), np.zeros((2, n), complex), np.zeros((p, n, width), complex),
-        postures, np.zeros((s, n, width)), turning,
+        postures, np.zeros((s, n, width)), turning, ties_of(record, s, r, p),
+    )  # fmt: skip
+
+
+def ties_of(record: Record, s: int, real: int, pairs: int) -> Ties | None:
+    """Workspace for the ties of a record's problem and a method with s stages; None for an open chain."""
+    rows, chain = record.problem.ties, record.chain
+    if rows is None:
+        return None
+    r, n = len(rows), chain.n
+    λ, gap = np.zeros((2, s, r))
+    J, middle = np.zeros((2, r, n))
+    return Ties(
+        rows, np.array([chain.size]), kinematics_workspace(chain.arrays), λ, gap, J, middle,
+        np.zeros((real, r, n)), np.zeros((pairs, r, n), complex), np.zeros((real, r, r)),
+        np.zeros((pairs, r, r), complex), np.zeros((r, r + 1)), np.zeros((r, r + 1), complex), np.zeros((3, 3)),
+        np.zeros(r),
     )  # fmt: skip
 
 
@@ -118,8 +138,10 @@ def remembered(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
 
 
 def stages_of(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
-    """Stages of the last step, from which the next implicit step's iteration starts."""
-    return (work.stages,) if isinstance(work, ImplicitWork) else ()
+    """Stages of the last step, and multipliers of ties, from which the next implicit step's iteration starts."""
+    if not isinstance(work, ImplicitWork):
+        return ()
+    return (work.stages,) if work.ties is None else (work.stages, work.ties.λ)
 
 
 def friction_laws(work: EmbeddedWork | ImplicitWork) -> tuple[float, ...]:

@@ -19,6 +19,7 @@ from flexlink.common.types import Array
 from flexlink.common.wording import did_you_mean, plural
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
+from flexlink.describe.tie import refuse_ties
 from flexlink.dynamics.batches import each
 from flexlink.dynamics.conserved import Energy, Momentum
 from flexlink.dynamics.placement import tip_position
@@ -238,6 +239,7 @@ class RunSamples(Result):
 
     def accelerations(self) -> Array:
         """As `qdd`, without its warning."""
+        refuse_ties(() if self.scene is None else self.scene.tie, "accelerations and loads do not support ties")
         from flexlink.dynamics.accelerations import forward_dynamics  # noqa: PLC0415
 
         hinges = self.chain.hinges.copy()

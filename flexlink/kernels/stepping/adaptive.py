@@ -31,6 +31,7 @@ from flexlink.kernels.stepping.saturation import (
     saturates,
 )
 from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, SO_FAR, STEPPER
+from flexlink.kernels.stepping.ties import accelerate
 from flexlink.kernels.tools.compiler import by_type, entry, inlined, recursion, shared
 from flexlink.kernels.tools.numbered import numbered
 
@@ -44,6 +45,23 @@ OF_A_SWITCH = 0.1  # displacement allowed if saturation changes within a step, a
 @by_type({ImplicitWork: implicit_step, EmbeddedWork: embedded_step})
 def take_step(t, h, inputs, state, allowed, work):
     """Step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; returns its error [m] and number of iterations."""
+
+
+@inlined
+def free(state, work):
+    """An explicit step has no ties."""
+
+
+@inlined
+def tied(state, work):
+    """Change q̈ at a start such that it satisfies the ties, if there are any."""
+    if work.ties is not None:
+        accelerate(state, work)
+
+
+@by_type({ImplicitWork: tied, EmbeddedWork: free})
+def satisfy(state, work):
+    """Change q̈ (n,) of a state where an input jumps such that the ties of the arm allow it."""
 
 
 @entry
@@ -104,6 +122,7 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
             choose_branches(stepper[STEPPER.time], inputs.drive, state[0], state[1], work.springs, work.saturation)
         if left_branch < NEVER:
             begin_anew(stepper[STEPPER.time], inputs, state, tau, forward, stepper)
+            satisfy(state, work)
         ends = ends and not switch
         bend = spring_displacement(state[0], tau, work.posture, work.chain)
         stepper[STEPPER.deflection] = max(stepper[STEPPER.deflection], bend)
@@ -117,6 +136,7 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
                 sample_at_step(inputs.drive, end, end, state[0], state[1], tau)
                 return OUTCOME.ended
             begin_anew(end, inputs, state, tau, forward, stepper)
+            satisfy(state, work)
         if stepper[STEPPER.far] > 0.0 and base_angle(state[0]) > stepper[STEPPER.far]:
             return OUTCOME.turned
     return OUTCOME.goes_on

@@ -10,6 +10,7 @@ import math
 from flexlink.kernels.forward.mass_plus import displacement
 from flexlink.kernels.stepping.embedded import EmbeddedWork, more_stages
 from flexlink.kernels.stepping.implicit_layout import STAGE, ImplicitWork
+from flexlink.kernels.stepping.ties import project
 from flexlink.kernels.tools.compiler import by_type, inlined, recursion, subroutine
 
 
@@ -31,6 +32,15 @@ def of_implicit(x, h, state, angles, rates, work):
         for k in range(n):
             angles[k] += weight2 * qdd[i, k]
             rates[k] += weight * qdd[i, k]
+    return W
+
+
+@inlined
+def on_ties(x, h, state, angles, rates, work):
+    """As `of_implicit`, with q and q̇ on the rows of ties."""
+    W = of_implicit(x, h, state, angles, rates, work)
+    if work.ties is not None:
+        project(angles, rates, work)
     return W
 
 
@@ -132,6 +142,6 @@ def prepare_inside(t, h, inputs, state, work):
     """Prepare `inside`; returns its error as a body's displacement [m], and the number of additional evaluations."""
 
 
-@by_type({ImplicitWork: of_implicit, EmbeddedWork: of_explicit})
+@by_type({ImplicitWork: on_ties, EmbeddedWork: of_explicit})
 def inside(x, h, state, angles, rates, work):
     """Write q and q̇ of a sample at the fraction x of the step, after `prepare_inside`; returns W there."""

@@ -49,6 +49,7 @@ from flexlink.kernels.stepping.newton import (
     slowest_rates,
 )
 from flexlink.kernels.stepping.step_state import STEPPER
+from flexlink.kernels.stepping.ties import answer_ties, begin_ties, keep, project, pull
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 from flexlink.kernels.tools.rare import rarely
 
@@ -70,6 +71,8 @@ def implicit_step(t, h, inputs, state, allowed, work):
         angles[k], rates[k] = q[k] + 0.5 * h * qd[k], qd[k]
     follow(inputs.motion, t + 0.5 * h, angles, rates, work.vectors[VECTOR.tau])
     place_bodies(angles, work.posture)
+    if work.ties is not None:
+        begin_ties(angles, work)
     if work.forces is not None:
         find_own_slopes(work.forces, angles, rates, work.springs.own)
     by_stage = work.stepper[STEPPER.by_stage] > 0.0
@@ -113,6 +116,8 @@ def implicit_step(t, h, inputs, state, allowed, work):
             prepare_systems(h, rates, by_stage, work)
         before = moved
     add_up_work(h, done, work)
+    if work.ties is not None:
+        project(work.new[0], work.new[1], work)
     return error, iteration
 
 
@@ -124,6 +129,8 @@ def prepare_systems(h, rates, by_stage, work):
             rates[k] = math.inf
     work.stepper[STEPPER.prepared] += 1.0
     factor_all(h, rates, work)
+    if work.ties is not None:
+        answer_ties(work)
     if by_stage:
         work.stepper[STEPPER.stage_matrices] += work.stages.shape[1]
         factor_stages(h, work)
@@ -198,6 +205,8 @@ def residuals(t, h, inputs, q, qd, work):
                 V[k] += weight * qdd[j, k]
         follow(inputs.motion, ti, Q, V, qdd[i])
         work.power[i] = residual(ti, t + 0.5 * h, inputs, Q, V, qdd[i], work.stages[STAGE.residual, i], work)
+        if work.ties is not None:
+            pull(i, Q, work.stages[STAGE.residual, i], work)
 
 
 @inlined
@@ -339,6 +348,8 @@ def damped_error(h, hγ, e_q, e_v, work):
         add_products(-hγ, -hγ * hγ, work.chain.rare, e_v, r)
         add_products(0.0, -hγ, work.chain.rare, e_q, r)
     solve(factors, r, y, work.posture)
+    if work.ties is not None:
+        keep(e_v, y, work)
     for k in range(len(r)):
         if work.chain.hinges[k].prescribed:
             e_q[k] = e_v[k] = 0.0

@@ -66,3 +66,4 @@ class ImplicitWork(NamedTuple):
     stage_postures: Any  # a posture whose arrays have a leading dimension s
     stage_factors: Any  # (s, n, 8)
     turning: Turning
+    ties: Any = None  # see `ties`; None: an open chain

@@ -13,6 +13,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import build_unchecked, build_validated
+from flexlink.describe.tie import refuse_ties
 from flexlink.dynamics.floating_base import FloatingBase
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.kernels.inputs.record import Inputs
@@ -20,17 +21,25 @@ from flexlink.kernels.tools.finite import is_finite
 from flexlink.motion.inputs.actuation import input_arrays, of_kind
 from flexlink.motion.inputs.initial_state import state_under
 from flexlink.motion.inputs.references import check_start
+from flexlink.motion.inputs.ties import closed, open_chain, tie_rows
 
 
-def problem_of(scene: Scene, chain: Chain | None = None, inputs: Inputs | None = None) -> InitialValueProblem:
+def problem_of(
+    scene: Scene, chain: Chain | None = None, inputs: Inputs | None = None, *, tied: bool = False
+) -> InitialValueProblem:
     """The problem of a scene, with its own chain or another chain of the same links; known `inputs` are reused.
+
+    Scenes with ties are refused unless the caller supports them, `tied`.
 
     Raises
     ------
     SceneError, ConvergenceError, DataFileError
         As in `lump`, `input_arrays` and `initial_state`.
     """
-    chain = of_kind(scene, lump(scene) if chain is None else chain)
+    if not tied:
+        refuse_ties(scene.tie)
+    chain = of_kind(scene, lump(open_chain(scene) if scene.tie else scene) if chain is None else chain)
+    ties = tie_rows(scene, chain)
     base = FloatingBase(chain) if chain.has_free_base else None
     chain = chain if base is None else base.chain
     if scene.sensor:
@@ -38,13 +47,14 @@ def problem_of(scene: Scene, chain: Chain | None = None, inputs: Inputs | None =
 
         check_placements(scene)
     inputs = input_arrays(scene, chain) if inputs is None else inputs
-    return InitialValueProblem(scene, chain, inputs, *state_under(inputs, scene, chain), base)
+    state = closed(ties, chain, *state_under(inputs, scene, chain))
+    return InitialValueProblem(scene, chain, inputs, *state, ties, base)
 
 
 def started(problem: InitialValueProblem, scene: Scene) -> InitialValueProblem:
     """The problem with the initial state of another scene that is otherwise equal; errors as in `problem_of`."""
     check_start(scene, problem.chain)
-    q, qd = state_under(problem.inputs, scene, problem.chain)
+    q, qd = closed(problem.ties, problem.chain, *state_under(problem.inputs, scene, problem.chain))
     return dataclasses.replace(problem, scene=scene, q=q, qd=qd)
 
 

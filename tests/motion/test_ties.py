@@ -1,0 +1,171 @@
+"""Ties: closed loops of rigid and of bending links, against another engine and closed forms; what refuses them."""
+
+from __future__ import annotations
+
+import tomllib
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import flexlink as fl
+from flexlink.describe.scene import scene_from
+from flexlink.kernels.geometry.kinematics import forward_kinematics
+from flexlink.motion.inputs.ties import gaps, open_chain, tie_rows
+from tests.support.loops import Loop
+
+BENDS = {"flex": "z", "segments": 3}
+
+
+def arm(*links: dict, ties: list, start: list[float], **more: object) -> fl.Scene:
+    """A planar arm that swings about Y in gravity, with these lengths and ties."""
+    common = {"joint": {"axis": [0, -1, 0]}, "material": "steel", "section": "thin"}
+    return scene_from({
+        "name": "loop", "gravity": [0, 0, -9.81],
+        "material": {"steel": {"young": 3e9, "density": 1200.0, "loss_time": 1e-3}},
+        "section": {"thin": {"shape": "rectangle", "height": 0.012, "width": 0.03}},
+        "link": [{"name": f"l{k}", **common, **link} for k, link in enumerate(links, 1)],
+        "initial": {"joint_deg": start}, "tie": ties,
+        "run": {"duration": 0.4, "sample": 0.05, "tolerance": 1e-4}, **more,
+    })  # fmt: skip
+
+
+def pin(link: str, *point: float) -> dict:
+    return {"name": "pin", "kind": "point", "link": link, "to": {"point": list(point)}}
+
+
+def fourbar(**bends: object) -> fl.Scene:
+    lengths = ({"length": length, **bends} for length in (0.4, 1.0, 0.8))
+    return arm(*lengths, ties=[pin("l3", 1.1, 0.0, 0.0)], start=[60.0, -30.0, -113.0])
+
+
+def paths(chain: fl.Chain, q: np.ndarray) -> np.ndarray:
+    return np.array([forward_kinematics(chain.arrays, each).points for each in np.ascontiguousarray(q)])
+
+
+def checked(scene: fl.Scene, most: float = 3.0) -> fl.Trajectory:
+    """The run of a scene, which is closed at all samples, and near that of another engine."""
+    problem = fl.Problem(scene)
+    chain, rows = problem.chain, tie_rows(scene, problem.chain)
+    run = problem.simulate()
+    truth = Loop(chain, rows).run(run.q[0], run.qd[0], run.t)
+    off = np.linalg.norm(paths(chain, run.q) - paths(chain, truth), axis=2).max()
+    assert off <= most * run.stated.allowed
+    assert run.kept
+    assert max(np.abs(gaps(rows, chain, q)[0]).max() for q in run.q) <= 1e-12 * chain.size
+    rates = max(np.abs(gaps(rows, chain, q)[1] @ qd).max() for q, qd in zip(run.q, run.qd, strict=True))
+    assert rates <= 1e-9 * max(1.0, np.abs(run.qd).max())
+    return run
+
+
+@pytest.mark.filterwarnings("ignore:.*ties closed at the start")
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
+@pytest.mark.parametrize("bends", [{}, BENDS], ids=["rigid", "bending"])
+def test_a_four_bar_linkage_moves_as_in_another_engine(bends: dict, tolerance: float) -> None:
+    checked(fourbar(**bends).varied({"run.tolerance": tolerance}))
+
+
+@pytest.mark.filterwarnings("ignore:.*ties closed at the start")
+def test_a_hinge_with_a_redundant_row_holds_as_two_points_do() -> None:
+    scene = fourbar()
+    hinge = {"name": "pin", "kind": "hinge", "link": "l3", "axis": [0, 1, 0], "to": {"point": [1.1, 0.0, 0.0]}}
+    run, other = checked(scene.varied({"tie": [hinge]})), checked(scene)
+    np.testing.assert_allclose(run.q, other.q, atol=1e-3)
+
+
+def test_a_rod_between_two_links_keeps_its_length() -> None:
+    rod = {"name": "rod", "kind": "distance", "link": "l3", "length": 0.7, "to": {"link": "l1", "x": 0.1}}
+    scene = arm({"length": 0.4}, {"length": 0.5}, {"length": 0.5}, ties=[rod], start=[20.0, -50.0, -80.0])
+    with pytest.warns(RuntimeWarning, match="ties closed at the start"):
+        run = checked(scene)
+    points = paths(run.chain, run.q)
+    place = points[:, 0] + 0.1 / 0.4 * (points[:, 1] - points[:, 0])
+    np.testing.assert_allclose(np.linalg.norm(run.tip - place, axis=1), 0.7, rtol=1e-12)
+
+
+def test_a_parallelogram_swings_like_a_pendulum() -> None:
+    """Two cranks m, J = m (L²/3 + h²/12), and a coupler M that does not turn: (2 J + M L²) θ̈ = −(m + M) g L sin θ."""
+    lengths = ({"length": 0.5}, {"length": 0.8}, {"length": 0.5})
+    start = [-50.0, 50.0, 130.0]
+    scene = arm(*lengths, ties=[pin("l3", 0.8, 0.0, 0.0)], start=start).varied({"run.tolerance": 1e-7})
+    run = fl.simulate(scene)
+    m, M = (1200 * 0.012 * 0.03 * length for length in (0.5, 0.8))
+    L, g = 0.5, 9.81
+
+    def rates(_t: float, y: np.ndarray) -> list[float]:  # y: angle from hanging down, and its rate
+        return [y[1], -(m + M) * g * L * np.sin(y[0]) / (2 * m * (L**2 / 3 + 0.012**2 / 12) + M * L**2)]
+
+    truth = solve_ivp(rates, (0.0, 0.4), [np.radians(40.0), 0.0], rtol=1e-11, atol=1e-12, t_eval=run.t).y[0]
+    np.testing.assert_allclose(run.q[:, 0], np.radians(-90.0) + truth, atol=1e-7)
+
+
+@pytest.mark.filterwarnings("ignore:.*ties closed at the start")
+def test_fixed_steps_of_a_rigid_loop_converge_with_the_order_of_their_method() -> None:
+    scene = fourbar().varied({"run.duration": 0.4, "run.sample": 0.4})
+    truth = fl.simulate(scene.varied({"run.tolerance": 1e-10, "run.method": "Radau9"})).q[-1]
+    errors = [np.abs(fl.simulate(scene, method="Radau5", step=step).q[-1] - truth).max() for step in (0.04, 0.02)]
+    assert np.log2(errors[0] / errors[1]) > 4.5
+
+
+@pytest.mark.filterwarnings("ignore:.*ties closed at the start")
+def test_energy_of_an_undamped_loop_is_constant() -> None:
+    run = fl.simulate(fourbar(**BENDS).varied({"material.steel.loss_time": 0.0, "run.tolerance": 1e-7}))
+    assert np.abs(run.imbalance).max() < 1e-6 * run.exchanged[-1]
+
+
+@pytest.mark.filterwarnings("ignore:.*ties closed at the start")
+def test_runs_repeat_continue_and_are_stored() -> None:
+    scene = fourbar(**BENDS)
+    problem = fl.Problem(scene)
+    runs = [problem.simulate() for _ in range(3)]
+    assert all(np.array_equal(run.q, runs[0].q) for run in runs)
+    later = fl.simulate(scene, after=runs[0], duration=0.1)
+    np.testing.assert_array_equal(later.q[0], runs[0].q[-1])
+    assert scene_from(tomllib.loads(scene.to_toml())) == scene
+
+
+@pytest.mark.filterwarnings("ignore:.*ties closed at the start")
+@pytest.mark.parametrize(
+    ("change", "id", "part"),
+    [
+        ({"tie.pin.to.point": [3.0, 0.0, 0.0]}, "ties-open", "apart in all postures"),
+        ({"run.method": "DOP853"}, "method-with-ties", "use 'auto', 'Radau5' or 'Radau9'"),
+        ({"initial.passive": "static"}, "ties-not-supported", "'static' and ties together"),
+        ({"sensor": [{"name": "s", "kind": "joint", "link": "l1"}]}, "ties-not-supported", "a sensor and ties"),
+    ],
+)
+def test_what_ties_do_not_allow_is_refused_by_name(change: dict, id: str, part: str) -> None:
+    with pytest.raises(fl.errors.SceneError, match=part) as refused:
+        fl.simulate(fourbar().varied(change))
+    assert refused.value.id == id
+
+
+@pytest.mark.parametrize(
+    ("change", "part"),
+    [
+        ({"tie.pin.kind": "hinge"}, "axis: missing"),
+        ({"tie.pin.length": 1.0}, "only for kind 'distance'"),
+        ({"tie.pin.to": {}}, "to.point: missing"),
+        ({"tie.pin.to": {"x": 0.1}}, "needs a link"),
+        ({"tie.pin.to": {"link": "l3"}}, "is the tie's own link"),
+        ({"tie.pin.link": "l9"}, "l9"),
+        ({"tie.pin.x": 5.0}, "beyond the beam"),
+        ({"tie": [pin("l3", 1.0, 0.0, 0.0), pin("l2", 1.0, 0.0, 0.0)]}, "names of ties must differ"),
+    ],
+)
+def test_mistakes_in_a_tie_are_explained(change: dict, part: str) -> None:
+    with pytest.raises(fl.errors.SceneError, match=part):
+        fourbar().varied(change)
+
+
+@pytest.mark.filterwarnings("ignore:.*ties closed at the start")
+def test_all_other_functions_refuse_a_scene_with_ties() -> None:
+    scene = fourbar()
+    run = fl.simulate(scene)
+    for call in (
+        lambda: fl.lump(scene), lambda: fl.Simulator(scene), lambda: fl.simulate_many([scene]), lambda: run.qdd,
+        lambda: fl.advise(scene), lambda: fl.compare(scene), lambda: run.loads,
+    ):  # fmt: skip
+        with pytest.raises(fl.FlexlinkError, match=r"ties; leave \[\[tie\]\] out"):
+            call()
+    assert fl.lump(open_chain(scene)).n == run.chain.n
