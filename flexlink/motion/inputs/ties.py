@@ -25,6 +25,8 @@ Rows = NDArray[np.void]
 CLOSED = 1e-9
 """Largest gap of a tie at the start, relative to the size of the arm, that rounding of its numbers explains."""
 PASSES = 50  # Newton steps to close the ties at the start
+ROUNDED = 1e-3
+"""Motion of a joint [rad, m] that explains a start with few digits; only larger ones are worth a warning."""
 
 
 def open_chain(scene: Scene) -> Scene:
@@ -133,7 +135,7 @@ def closed(rows: Rows | None, chain: Chain, q: Array, qd: Array) -> tuple[Array,
     if np.abs(off).max() > near:
         qd = qd - np.linalg.lstsq(J, off, rcond=1e-9)[0]
     moved = np.abs(q - start)
-    if moved.max() > CLOSED * max(1.0, np.abs(start).max()):
+    if moved.max() > ROUNDED:
         k = int(moved.argmax())
         text = f"ties closed at the start: joint {chain.joint_name(k)!r} moved by {moved[k]:.3g} {chain.joint_units[k]}"
         warnings.warn(Diagnostic(f"{chain.name}: {text}", "ties-closed"), RuntimeWarning, stacklevel=4)
