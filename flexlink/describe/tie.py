@@ -13,7 +13,13 @@ from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, link_ke
 
 
 class TieEnd(Spec, frozen=True):
-    """The other end of a tie: a point of a link, or of frame 0."""
+    """The other end of a tie: a point of a link, or of frame 0.
+
+    Examples
+    --------
+    >>> print(fl.details.TieEnd(link="upper", x=0.5))
+    TieEnd(link='upper', x=0.5)
+    """
 
     link: str | int | None = None
     """Link, by name or number from 1. Default: frame 0."""
@@ -46,7 +52,8 @@ class Tie(Spec, frozen=True):
     Examples
     --------
     >>> rod = fl.details.Tie(name="rod", kind="distance", link="fore", length=1.2, to={"point": (1.0, -0.8, 0.0)})
-    >>> held = fl.simulate(scene.varied({"tie": (rod,), "drive": fl.Drive(), "run.tolerance": 1e-4}), duration=0.1)
+    >>> changes = {"tie": (rod,), "drive": fl.Drive(), "initial.passive": "zero", "run.tolerance": 1e-4}
+    >>> held = fl.simulate(scene.varied(changes), duration=0.1)
     >>> print(np.linalg.norm(held.tip - rod.to.point, axis=1).round(12).max())  # m
     1.2
     """

@@ -135,7 +135,7 @@ class AdaptiveSteps(MethodSteps):
             self.turn()
         if how == OUTCOME.stuck and self.run.method == AUTO and np.isfinite(self.fastest):
             self.rates = {**self.rates, self.name: np.inf}
-            able = ("Radau5", "DOP853") if self.record.problem.ties is None else ("Radau5",)
+            able = ("Radau5", "DOP853") if not self.record.tied else ("Radau5",)
             others = [name for name in able if self.rates.get(name, 0.0) < np.inf]
             if others:
                 self.go_on_with(others[0])

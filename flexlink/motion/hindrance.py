@@ -135,7 +135,7 @@ def sampled_growth(record: Record) -> tuple[float, float]:
 
 def _loop(record: Record) -> Loop | None:
     """The sampled loop about the start; None if the drive is not sampled, or the loop cannot be linearized there."""
-    if not record.inputs.drive.rate or record.problem.ties is not None:
+    if not record.inputs.drive.rate or record.tied:
         return None
     about = record.q[0].tobytes(), float(record.t[0])
     loop: Loop | None = record.kept("loop", about, lambda: _linearized(record))

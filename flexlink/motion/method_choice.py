@@ -76,7 +76,7 @@ def _guessed_costs(record: Record, tolerance: float) -> dict[str, float]:
         seen = 3e-4 / part * (200.0 / drive.rate) ** 2
         fewest["Radau5"] *= max(1.0, 10.0 * seen) ** 0.4
         fewest["Radau9"] *= max(1.0, seen) ** 0.2
-    if record.problem.ties is not None:
+    if record.tied:
         del tries["DOP853"]  # explicit steps have no ties
     return {name: price_of_a_step(record, name) * max(fewest[name], tries[name]) for name in tries}
 

@@ -10,15 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.common.errors import SceneError
-from flexlink.common.memo import Kept, Memo, contents
+from flexlink.common.memo import Kept
 from flexlink.common.types import Array
 from flexlink.data.documents import is_user_file
-from flexlink.describe.run_settings import AUTO, RunSettings
-from flexlink.describe.schemes.methods import Method, method
+from flexlink.describe.run_settings import AUTO
+from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.vibration.extremes import slowest_frequency
-from flexlink.dynamics.vibration.stability import bounding_eigenvalues, eigenvalue_bounds, stable_step, stable_step_of
-from flexlink.dynamics.vibration.stability_function import stable_half_disc
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping import adaptive
 from flexlink.kernels.stepping.adaptive import OUTCOME
@@ -26,11 +23,10 @@ from flexlink.kernels.stepping.embedded import EmbeddedWork
 from flexlink.kernels.stepping.implicit_layout import ImplicitWork
 from flexlink.kernels.stepping.saturation import choose_branches
 from flexlink.kernels.stepping.step_state import COUNT, SO_FAR, STEPPER
-from flexlink.kernels.stepping.ties import accelerate
 from flexlink.kernels.tools.machine_code import direct
-from flexlink.motion.inputs.actuation import acting_at
 from flexlink.motion.inputs.drives import remembered as remembered_by
 from flexlink.motion.method_choice import cheapest, fastest_motion, prices, tumbles
+from flexlink.motion.step_settings import longest_step, longest_step_of, settings, with_own_limits
 from flexlink.motion.step_workspace import (
     FEW_PASSES,
     drive_gains,
@@ -40,8 +36,7 @@ from flexlink.motion.step_workspace import (
     stages_of,
     workspace,
 )
-from flexlink.motion.stop_times import SHORTEST, StopTimes, only
-from flexlink.motion.tolerable import Thresholds
+from flexlink.motion.stop_times import StopTimes, only
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
 
@@ -115,15 +110,14 @@ class MethodSteps:
         again = last == about
         if prepared and again:
             self.restore(prepared[0], gains=self.inputs is not self.given)  # else no step wrote to them
-            for array, value in zip(memory, prepared[1], strict=True):
+            for array, value in zip((record.q[0], record.qd[0], *memory), prepared[1], strict=True):
                 array[...] = value
         self.record, self.run = record, record.run
         self.samples = record.t, record.q, record.qd, record.works, record.so_far
-        if prepared and again:
-            record.q[0], record.qd[0] = self.state[:2]
-        else:
+        if not (prepared and again):
             self._prepare()
-            prepared = (self.saved(), [array.copy() for array in memory]) if again else ()
+            changed = record.q[0], record.qd[0], *memory
+            prepared = (self.saved(), [array.copy() for array in changed]) if again else ()
         self._started = about, prepared
 
     def _prepare(self) -> None:
@@ -333,9 +327,9 @@ class MethodSteps:
         start, steps = (0.0, self.inputs, self.state, self.tau, self.forward), self._arguments(0)
         self.types = types = self._types(kept)
         self._begin = kept("begin", None, lambda: direct(adaptive.begin, *start, types=kept.types))
-        if self.record.problem.ties is not None:
+        if self.record.tied:
             begin, tied = self._begin, (self.state, self.work)
-            find = functools.partial(direct, accelerate, *tied, types=types)
+            find = functools.partial(direct, adaptive.begin_tied, *tied, types=types)
             satisfy = kept(("tied", self.name), (types, self.method), find)
             self._begin = lambda *start: (begin(*start), satisfy(*tied))
         self._take_steps = kept(
@@ -424,89 +418,3 @@ class MethodSteps:
     def fastest(self) -> float:
         """Fastest frequency or decay rate in this configuration [rad/s]."""
         return max(fastest_motion(self.record, self.state[0]))
-
-
-def may_saturate(inputs: Inputs) -> bool:
-    """Whether a motor may reach its torque limit within a step; see `saturation.saturates` of the kernels."""
-    return not inputs.drive.rate and min(inputs.drive.effort.tolist(), default=np.inf) < np.inf
-
-
-def with_own_limits(inputs: Inputs) -> Inputs:
-    """Inputs with a copy of the torque limits if steps may write to them."""
-    if not may_saturate(inputs):
-        return inputs
-    return inputs._replace(drive=inputs.drive._replace(limits=inputs.drive.limits.copy()))
-
-
-LONGEST = Memo(16)
-"""Cache of stable steps, which a run and those that it is compared with share."""
-
-
-def longest_step(name: str, record: Record, span: float, t: float, state: tuple[Array, ...]) -> float:
-    """Largest stable step [s] of an explicit method about a state t, q, q̇; with a longer step errors would grow.
-
-    It is inf if it certainly exceeds `span`, the time between two stops.
-    """
-    chain, (q, qd, *_) = record.chain, state
-    acting = acting_at(record.inputs, chain, t, q, qd)
-
-    def find() -> float:
-        if _matters(name, span, *eigenvalue_bounds([(chain, q, qd)], [acting])):
-            return stable_step(chain, q, qd, method=name, **acting)
-        return np.inf
-
-    if is_user_file(name):
-        return find()
-    return LONGEST(chain, contents((name, span, q, qd, *acting.values())), find)
-
-
-def longest_step_of(name: str, span: float, ω: float, δ: float) -> float:
-    """Return `longest_step` for motion whose fastest oscillation is ω [rad/s] and fastest decay δ [1/s]."""
-    λ = bounding_eigenvalues(ω, δ)
-    return stable_step_of(λ, name) if _matters(name, span, float(np.abs(λ).max())) else np.inf
-
-
-def _matters(name: str, span: float, rate: float) -> bool:
-    """Whether a step of length `span` [s] may be unstable for eigenvalues λ with |λ| up to `rate` [1/s]."""
-    return not 1.01 * span * rate < stable_half_disc(method(name))
-
-
-def settings(run: RunSettings, rule: Method, record: Record, largest: float) -> tuple[float, ...]:
-    """Settings of `advance`: error limits, order of the error estimate, shortest and longest step."""
-    long_stages = 5  # implicit methods with this number of stages or more take few, long steps
-    exact = 1e-13  # residual of a fixed step, relative to the arm's size; a larger one makes the energy drift
-    if record.chain.has_free_base:
-        exact = 1e-16  # free base: one more iteration, since momentum errors of all steps add up and nothing damps them
-    of_the_iteration = 0.05  # residual of the Newton iteration, relative to the allowed error of a step
-    of_a_deflection = 0.1  # factor on a tolerance for deflection, since errors of all steps persist as vibration
-    size = record.chain.size
-    if not run.controlled:
-        return np.inf, 0.0, run.fixed_step, exact * size, 0.0, 1.0, run.duration, run.fixed_step, run.fixed_step
-    if run.accuracy == "deflection" and not (record.chain.hinges["stiffness"] > 0).any():
-        raise SceneError(
-            f"run.accuracy = 'deflection': no link of {record.chain.name!r} bends, so its deflection is always zero; "
-            "use accuracy = 'tip'",
-            id="nothing-bends",
-        )
-    least = record.least_tolerance
-    absolute, part = run.tolerance_within(size), 0.0
-    if run.accuracy == "deflection":
-        absolute, part = least, run.tolerance_within(1.0)  # `least`, due to rounding, if the deflection is zero
-    elif absolute < least:
-        raise SceneError(
-            f"run.tolerance = {absolute:.3g} m: below the rounding error of an arm of {size:.3g} m at "
-            f"angles up to {np.abs(record.q[0]).max():.2g} rad; expected at least {least:.2g} m",
-            id="tolerance-below-rounding",
-        )
-    elif record.follows_vibrations:
-        absolute, part = least, absolute / size
-    order = float(rule.order if rule.explicit else rule.stages + 1)
-    long = rule.stages >= long_stages
-    # Largest error, relative to the tolerance, of a step of length duration / `Thresholds.long`; a shorter step may
-    # have proportionally less. This refers to the embedded lower-order formula; the step's own error is a few
-    # hundredths of it or less. Measured on 16 scenes with 7 tolerances, errors at the end have a median of at most 0.14
-    # tolerances, and are at most 6 tolerances where motion is sensitive. Explicit steps limited by stability actually
-    # have the errors that they estimate, all of one sign.
-    one = 0.02 if rule.explicit else 0.1 if long else 0.25
-    errors = one * absolute, of_a_deflection * one * part, run.duration / Thresholds.long, np.inf, of_the_iteration
-    return *errors, order, run.duration, SHORTEST * run.duration, largest

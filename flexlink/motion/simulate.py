@@ -140,7 +140,13 @@ def simulate(
         t0, q0, qd0 = _end_of(after, q0, qd0, t0)
     starts = not (q0 is None and qd0 is None and t0 is None)
     problem = Problem(started_from(scene, q0, qd0, t0, **changes)) if starts else problem_with(scene, changes)
-    return problem._simulated((None, None, None), control, rate, delay, after, progress)
+    run, idle = problem._begin((None, None, None), control, rate, delay, after)
+    try:
+        with deferred() as stop:
+            run.advance(stop, progress, warn)
+            return run.result(stop)
+    finally:
+        problem._idle.append(idle)
 
 
 MANY = 100_000
@@ -241,18 +247,26 @@ class Problem:
             )
         if after is not None:
             t0, q0, qd0 = _end_of(after, q0, qd0, t0)
-        return self._simulated((q0, qd0, t0), control, rate, delay, after, progress)
+        run, idle = self._begin((q0, qd0, t0), control, rate, delay, after)
+        try:
+            with deferred() as stop:
+                run.advance(stop, progress, warn)
+                return run.result(stop)
+        finally:
+            self._idle.append(idle)
 
-    def _simulated(
+    def _begin(
         self,
         start: tuple[ArrayLike | None, ArrayLike | None, float | None],
         control: Law | None,
         rate: float | None,
         delay: float,
         after: Trajectory | None,
-        progress: Callable[[float], None] | None,
-    ) -> Trajectory:
-        """A run from a state, with what the run before it, `after`, hands on."""
+    ) -> tuple[SingleRun, tuple[InitialValueProblem, Kept]]:
+        """A run that is ready to start from a state, with what the run before it, `after`, hands on.
+
+        What it uses goes to `_idle` when it has ended.
+        """
         before = None if after is None or not len(after.delayed) else after.delayed
         try:
             problem, kept = self._idle.pop()
@@ -268,11 +282,11 @@ class Problem:
                 run = prepared_run(begun, kept, before, motion)
             else:
                 run = SingleRun(begun, control, rate, delay, before, motion=motion)
-            with deferred() as stop:
-                return run.finish(stop, progress, warn=warn)
-        finally:
-            few = self.scene.run.samples * self.chain.n < MANY
-            self._idle.append((problem, kept if few else Kept()))
+        except BaseException:
+            self._idle.append((problem, kept))
+            raise
+        few = self.scene.run.samples * self.chain.n < MANY
+        return run, (problem, kept if few else Kept())
 
     def _check_stored(self, before: Array, drive: Drive) -> None:
         stored = drive.held.shape[1] if drive.rate else len(self.chain.active)

@@ -223,6 +223,7 @@ def prepared_run(
 
     Arguments as in `SingleRun`; only one run of `kept` may be in use.
     """
+    check_method(problem.run)
     for array in remembered(problem.inputs.drive):
         array[...] = 0
     new: list[SingleRun] = []
@@ -427,8 +428,7 @@ def _identify_types(record: Record) -> None:
     """Note the types of the arguments of kernels that runs of one owner share: all others are always the same."""
     if not record.kept.types:
         run, chain = record.run, record.chain
-        tied = record.problem.ties is not None
-        solver = f"{run.solver} {chain.is_planar} {chain.shapes is not None} {tied}".encode()
+        solver = f"{run.solver} {chain.is_planar} {chain.shapes is not None} {record.tied}".encode()
         drive, *others = record.inputs
         record.kept.types = types_of(chain.arrays, *others) + _types_of_drive(drive) + solver
 

@@ -67,7 +67,7 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     r, p = len(method.modes.real), len(method.modes.complex)
     # largest number of joints, since the cost of the small matrix grows as (stages · joints)³; few fixed steps need it
     most = 8 if record.run.controlled else 40
-    if record.problem.ties is not None:
+    if record.tied:
         most = 0  # responses to friction do not contain the ties, so friction is linearized
     turning, with_error = turning_of(chain, most, s, r, p), record.run.controlled and method.controlled
     numbers[STEPPER.wait] = 0.0 if with_error else np.inf
@@ -96,8 +96,7 @@ def ties_of(record: Record, s: int, real: int, pairs: int) -> Ties | None:
     return Ties(
         rows, np.array([chain.size]), kinematics_workspace(chain.arrays), λ, gap, J, middle,
         np.zeros((real, r, n)), np.zeros((pairs, r, n), complex), np.zeros((real, r, r)),
-        np.zeros((pairs, r, r), complex), np.zeros((r, r + 1)), np.zeros((r, r + 1), complex), np.zeros((3, 3)),
-        np.zeros(r),
+        np.zeros((pairs, r, r), complex), np.zeros((r, r + 1)), np.zeros((r, r + 1), complex), np.zeros(r),
     )  # fmt: skip
 
 

@@ -57,12 +57,17 @@ class Record:
         self.tau, self.tip, self.energy, self.works, self.so_far = (
             derived(problem, len(t)) if others is None else others
         )
-        every = 3 if problem.ties is not None else 0 if self.chain.has_levers else 12
+        every = 3 if self.tied else 0 if self.chain.has_levers else 12
         self._placed = np.empty((len(t), len(self.chain.bodies), every)) if every else None
         self.origin = 0 if self.run.controlled else round(float(t[0]) / self.run.fixed_step)  # fixed steps before t₀
         self._least = 0.0
         if self.base is not None:
             self.base.begin()
+
+    @property
+    def tied(self) -> bool:
+        """Whether ties close loops of the chain."""
+        return self.problem.ties is not None
 
     @property
     def scratch(self) -> Any:
@@ -148,7 +153,7 @@ class Record:
             if len(self.inputs.motion.joints):
                 self._prescribe(part)
             if self._placed is not None:
-                self._placed[part] = checked_path(self.chain, self.q[part], every=self.problem.ties is not None)
+                self._placed[part] = checked_path(self.chain, self.q[part], every=self.tied)
 
     def _prescribe(self, rows: slice) -> None:
         t, q, qd, tau = (part[rows] for part in self.samples[:4])

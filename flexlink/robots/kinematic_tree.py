@@ -113,8 +113,8 @@ class Robot:
             if other is not joint:
                 both = f"{truncated(other.name)} and {truncated(joint.name)}"
                 raise DataFileError(
-                    f"link {truncated(joint.child)} is the child of two joints, {both}; closed loops are not "
-                    "supported: take one of the two joints out",
+                    f"link {truncated(joint.child)} is the child of two joints, {both}; closed loops in files of "
+                    "robots are not supported: take one of the two joints out",
                     id="closed-loop",
                 )
         return parents
@@ -182,7 +182,9 @@ def _check_roots(robot: Robot) -> None:
     circle = [link for link in robot.links if link not in reached]
     if circle:
         they_form = f"link {circle[0]} forms" if len(circle) == 1 else f"links {short_list(circle)} form"
-        raise DataFileError(f"{they_form} a loop; closed loops are not supported: take a joint out", id="closed-loop")
+        raise DataFileError(
+            f"{they_form} a loop; closed loops in files of robots are not supported: take a joint out", id="closed-loop"
+        )
 
 
 def _check_mimics(robot: Robot) -> None:

@@ -25,10 +25,12 @@ BARS = {
     "functions of more than 60 lines of code": 1, "lines of contracts": 56, "lines": 67_880, "files": 420,
     "longest chain of imports": 34, "files that simulate imports": 149, "depth of simulate": 24,
 }  # fmt: skip
-COMPILES = "kernels compile in three quarters of the time, and a wheel has one archive for all processors"
+COMPILES = "kernels compile in two thirds of the time, and a wheel has one archive for all processors"
+LOOPS = "ties close loops, in simulations; runs start from what earlier runs of their problem prepared"
 RAISED = {
     "lines of contracts": (7, "fits, sweeps, reports, advice and robots call the library, not its kernels"),
-    "classes": (3, COMPILES), "constants": (2, COMPILES), "lines": (140, COMPILES),
+    "classes": (7, f"{COMPILES}; {LOOPS}"), "constants": (16, f"{COMPILES}; {LOOPS}"),
+    "lines": (1130, f"{COMPILES}; {LOOPS}"), "files": (4, LOOPS), "files that simulate imports": (5, LOOPS),
 }  # fmt: skip
 """By how much a limit may be exceeded, and the reason."""
 HOPS = 8

@@ -36,6 +36,7 @@ def chosen(duration: float, part: float = 1e-4, drive: dict[str, Any] | None = N
         q=np.zeros((1, chain.n)),
         qd=np.zeros((1, chain.n)),
         run=SimpleNamespace(duration=duration),
+        tied=False,
         inputs=problem_of(scene, CHAIN).inputs,
         kept=Kept(),
     )

@@ -127,6 +127,17 @@ def motion_of(chain, body, qd, placed):
     return ω, v
 
 
+@recursion
+def add_slope(chain, placed, body, point, u, J):
+    """J += u · ∂p/∂q for a point of a body, given by its index, −1 for frame 0; u and the point in frame 0."""
+    i = body
+    while i >= 0:
+        moment = cross(sub(point, vector(placed.points[i])), u)
+        for k in range(chain.bodies[i].first, chain.bodies[i].stop):
+            J[k] += dot(vector(placed.axes[k]), u if chain.hinges[k].axis >= SLIDES else moment)
+        i = chain.bodies[i].parent - 1
+
+
 def body_point(address, body, q, point):
     """Write the hinge point of a body, given by its index; return whether q has n finite values.
 

@@ -22,6 +22,7 @@ from flexlink.kernels.stepping.embedded import EmbeddedWork, embedded_step
 from flexlink.kernels.stepping.error_norm import deflection_norm
 from flexlink.kernels.stepping.implicit import implicit_step
 from flexlink.kernels.stepping.implicit_layout import ImplicitWork
+from flexlink.kernels.stepping.newton import shift_rotors
 from flexlink.kernels.stepping.runge_kutta import base_angle
 from flexlink.kernels.stepping.saturation import (
     NEVER,
@@ -52,11 +53,19 @@ def free(state, work):
     """An explicit step has no ties."""
 
 
+@shared
+@entry
+def begin_tied(state, work):
+    """Change q̈ (n,) at a start such that it satisfies the ties."""
+    shift_rotors(0.0, state[1], work.factors[0], work)
+    accelerate(state, work)
+
+
 @inlined
 def tied(state, work):
-    """Change q̈ at a start such that it satisfies the ties, if there are any."""
+    """As `begin_tied`, if there are ties."""
     if work.ties is not None:
-        accelerate(state, work)
+        begin_tied(state, work)
 
 
 @by_type({ImplicitWork: tied, EmbeddedWork: free})
@@ -121,8 +130,7 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
         if switches:
             choose_branches(stepper[STEPPER.time], inputs.drive, state[0], state[1], work.springs, work.saturation)
         if left_branch < NEVER:
-            begin_anew(stepper[STEPPER.time], inputs, state, tau, forward, stepper)
-            satisfy(state, work)
+            begin_anew(stepper[STEPPER.time], inputs, state, tau, forward, work)
         ends = ends and not switch
         bend = spring_displacement(state[0], tau, work.posture, work.chain)
         stepper[STEPPER.deflection] = max(stepper[STEPPER.deflection], bend)
@@ -135,8 +143,7 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
             if count[COUNT.knot] == len(knots[0]):
                 sample_at_step(inputs.drive, end, end, state[0], state[1], tau)
                 return OUTCOME.ended
-            begin_anew(end, inputs, state, tau, forward, stepper)
-            satisfy(state, work)
+            begin_anew(end, inputs, state, tau, forward, work)
         if stepper[STEPPER.far] > 0.0 and base_angle(state[0]) > stepper[STEPPER.far]:
             return OUTCOME.turned
     return OUTCOME.goes_on
@@ -279,10 +286,11 @@ def off_inside(t, h, long_error, inputs, state, knots, count, samples, work):
 
 
 @inlined
-def begin_anew(t, inputs, state, tau, forward, stepper):
+def begin_anew(t, inputs, state, tau, forward, work):
     """Restart from the state at time t: evaluate q̈ and the power, and count the restart."""
     begin(t, inputs, state, tau, forward)
-    stepper[STEPPER.begun] += 1.0
+    satisfy(state, work)
+    work.stepper[STEPPER.begun] += 1.0
 
 
 @inlined

@@ -5,7 +5,7 @@
     POINT      g = u · (p_a − p_b)       along a direction u of frame 0, for points of two bodies, or of one and frame 0
     DISTANCE   g = |p_a − p_b| − l       a rod
 
-All stages satisfy g = 0 (index 3). In the coordinates of `newton`, in which the stages decouple, with z = hλ_A for an
+All stages satisfy g = 0 (index 3). In the coordinates of `newton`, one system for each eigenvalue, with z = hλ_A for an
 eigenvalue λ_A of the method's A, each system gets the rows as a border:
 
     (M + A_z) x + Jᵀ μ = (T⁻¹ R)        z² J x = −(T⁻¹ g)
@@ -29,12 +29,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.kernels.forward.mass_plus import factor, place_bodies, solve
-from flexlink.kernels.forward.mass_plus_cells import FACTORS, put_couplings
-from flexlink.kernels.geometry.kinematics import kinematics
-from flexlink.kernels.layout import SLIDES
+from flexlink.kernels.geometry.kinematics import add_slope, kinematics
 from flexlink.kernels.stepping.implicit_layout import VECTOR
 from flexlink.kernels.tools.compiler import entry, inlined, recursion, shared, subroutine
 from flexlink.kernels.tools.numbered import numbered
+from flexlink.kernels.tools.vec3 import add, apply, dot, scale, sub, vector
 
 KIND = numbered("point distance")
 TIE = np.dtype(
@@ -69,67 +68,40 @@ class Ties(NamedTuple):
     S_pairs: Any
     matrix: Any  # (r, r + 1) of a small system, with its right-hand side
     matrix_pairs: Any
-    points: Any  # (3, 3) p_a, p_b, u
     used: Any  # (r,)
 
 
-@recursion
-def place(body, point, placed, p):
-    """Write the position p of a point of a body, or of frame 0, into p (3,)."""
-    for i in range(3):
-        p[i] = point[i]
-        if body >= 0:
-            p[i] = placed.points[body, i]
-            for j in range(3):
-                p[i] += placed.rotations[body, i, j] * point[j]
-
-
-@recursion
-def add_slope(chain, placed, body, x, y, z, u, v, w, sign, J):
-    """J += sign · (u, v, w) · ∂p/∂q for the point p = (x, y, z) of a body."""
-    i = body
-    while i >= 0:
-        p = placed.points[i]
-        a, b, c = x - p[0], y - p[1], z - p[2]
-        l, m, n = b * w - c * v, c * u - a * w, a * v - b * u  # moment about the hinge point
-        for k in range(chain.bodies[i].first, chain.bodies[i].stop):
-            e = placed.axes[k]
-            turns = l * e[0] + m * e[1] + n * e[2]
-            slides = u * e[0] + v * e[1] + w * e[2]
-            J[k] += sign * (slides if chain.hinges[k].axis >= SLIDES else turns)
-        i = chain.bodies[i].parent - 1
+@inlined
+def place(body, point, placed):
+    """Position in frame 0 of a point of a body, or of frame 0."""
+    p = vector(point)
+    return p if body < 0 else add(vector(placed.points[body]), apply(placed.rotations[body], p))
 
 
 @shared
 @entry
-def find_rows(chain, rows, q, placed, points, g, J):
-    """Write g (r,) and J (r, n) at angles q; `placed` and `points` (3, 3) are scratch."""
-    a, b, u = points[0], points[1], points[2]
+def find_rows(chain, rows, q, placed, g, J):
+    """Write g (r,) and J (r, n) at angles q; `placed` is scratch."""
     kinematics(chain, q, placed)
     for k in range(len(rows)):
         row = rows[k]
         for j in range(len(q)):
             J[k, j] = 0.0
-        place(row.a, row.point_a, placed, a)
-        place(row.b, row.point_b, placed, b)
+        a, b = place(row.a, row.point_a, placed), place(row.b, row.point_b, placed)
+        apart, u = sub(a, b), vector(row.along)
         if row.kind == KIND.distance:
-            far = math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
-            g[k] = far - row.length
-            for i in range(3):
-                u[i] = (a[i] - b[i]) / far
-        else:
-            for i in range(3):
-                u[i] = row.along[i]
-            g[k] = u[0] * (a[0] - b[0]) + u[1] * (a[1] - b[1]) + u[2] * (a[2] - b[2])
-        add_slope(chain, placed, row.a, a[0], a[1], a[2], u[0], u[1], u[2], 1.0, J[k])
-        add_slope(chain, placed, row.b, b[0], b[1], b[2], u[0], u[1], u[2], -1.0, J[k])
+            far = math.sqrt(dot(apart, apart))
+            u = scale(1.0 / far, apart)
+        g[k] = dot(u, apart) - row.length
+        add_slope(chain, placed, row.a, a, u, J[k])
+        add_slope(chain, placed, row.b, b, scale(-1.0, u), J[k])
 
 
 @inlined
 def begin_ties(q, work):
     """Find J at the middle of the step; the stages begin with their last multipliers, if these are numbers."""
     ties = work.ties
-    find_rows(work.chain, ties.rows, q, ties.placed, ties.points, ties.gap[0], ties.middle)
+    find_rows(work.chain, ties.rows, q, ties.placed, ties.gap[0], ties.middle)
     for i in range(len(ties.λ)):
         for k in range(len(ties.rows)):
             if not math.isfinite(ties.λ[i, k]):
@@ -140,7 +112,7 @@ def begin_ties(q, work):
 def pull(i, q, R, work):
     """Subtract Jᵀ λ from the residual R (n,) of stage i, and note its gaps."""
     ties = work.ties
-    find_rows(work.chain, ties.rows, q, ties.placed, ties.points, ties.gap[i], ties.J)
+    find_rows(work.chain, ties.rows, q, ties.placed, ties.gap[i], ties.J)
     for k in range(len(ties.rows)):
         for j in range(len(q)):
             R[j] -= ties.J[k, j] * ties.λ[i, k]
@@ -229,7 +201,7 @@ def project(q, qd, work):
     factor(factors, work.posture)
     before = math.inf
     for again in range(TIMES):
-        find_rows(work.chain, ties.rows, q, ties.placed, ties.points, ties.gap[0], J)
+        find_rows(work.chain, ties.rows, q, ties.placed, ties.gap[0], J)
         off = 0.0
         for k in range(r):
             off = max(off, abs(ties.gap[0, k]))
@@ -273,10 +245,9 @@ def keep(e_v, y, work):
     move_by(g, y, ties.real[0], ties.S[0], ties)
 
 
-@shared
-@entry
+@recursion
 def accelerate(state, work):
-    """Change q̈ at a start such that J q̈ + J̇ q̇ = 0 and M q̈ changes by Jᵀ μ alone.
+    """Change q̈ at a start such that J q̈ + J̇ q̇ = 0 and M q̈ changes by Jᵀ μ alone; the first factors contain rotors.
 
     J̇ q̇ is a central difference along q̇, of a relative error of 1e-9, since q̈ at a start serves the error estimate only.
     """
@@ -284,10 +255,7 @@ def accelerate(state, work):
     ties, n, r, x = work.ties, len(state[0]), len(work.ties.rows), work.vectors[VECTOR.solution]
     fastest = 0.0
     for k in range(n):
-        work.factors[0, k, FACTORS.A] = work.chain.hinges[k].armature
         fastest = max(fastest, abs(qd[k]))
-    if work.posture.first is not None and len(work.posture.first) > 0:
-        put_couplings(0.0, 0.0, work.posture.coupled, work.factors[0])
     place_bodies(q, work.posture)
     factor(work.factors[0], work.posture)
     g, nudge = ties.gap[0], 1e-5 / max(fastest, 1e-300)
@@ -297,11 +265,11 @@ def accelerate(state, work):
         sign = 1.0 - 2.0 * side
         for k in range(n):
             x[k] = q[k] + sign * nudge * qd[k]
-        find_rows(work.chain, ties.rows, x, ties.placed, ties.points, ties.gap[-1], ties.J)
+        find_rows(work.chain, ties.rows, x, ties.placed, ties.gap[-1], ties.J)
         for k in range(r):
             for j in range(n):
                 g[k] += sign * ties.J[k, j] * qd[j] / (2.0 * nudge)
-    find_rows(work.chain, ties.rows, q, ties.placed, ties.points, ties.gap[-1], ties.J)
+    find_rows(work.chain, ties.rows, q, ties.placed, ties.gap[-1], ties.J)
     answer(ties.J, work.factors[0], ties.real[0], ties.S[0], work.vectors[VECTOR.rhs], work.posture)
     for k in range(r):
         for j in range(n):

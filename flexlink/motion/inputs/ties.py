@@ -46,7 +46,6 @@ def tie_rows(scene: Scene, chain: Chain) -> Rows | None:
     if not scene.tie:
         return None
     for there, what in (
-        (chain.has_free_base, "a free base"),
         (scene.motion, "a prescribed motion"),
         (scene.sensor, "a sensor"),
         (scene.initial.passive == "static", "initial.passive = 'static'"),
@@ -98,7 +97,7 @@ def _place(
 def gaps(rows: Rows, chain: Chain, q: Array) -> tuple[Array, Array]:
     """g (r,) [m] of all rows and J = ∂g/∂q (r, n) at angles q (n,)."""
     g, J = np.zeros(len(rows)), np.zeros((len(rows), chain.n))
-    find_rows(chain.arrays, rows, q, kinematics_workspace(chain.arrays), np.zeros((3, 3)), g, J)
+    find_rows(chain.arrays, rows, q, kinematics_workspace(chain.arrays), g, J)
     return g, J
 
 

@@ -89,7 +89,8 @@ def columns(run: Trajectory, size: float) -> Trajectory:
 
 def floating(run: Trajectory, size: float) -> Trajectory:
     """Run with wrong attitude, angular rate and momentum of the free base."""
-    return dataclasses.replace(run, base=scaled(run.base, size))
+    parts = run.base.attitude, run.base.spin, run.base.momentum
+    return dataclasses.replace(run, base=type(run.base)(*scaled(parts, size)))
 
 
 def weights(method: Method, size: float) -> Method:
