@@ -138,7 +138,7 @@ def test_runs_repeat_continue_and_are_stored() -> None:
         ({"tie.pin.to": {}}, "missing-key"),
         ({"tie.pin.to": {"x": 0.1}}, "needs-another-key"),
         ({"tie.pin.to": {"link": "l3"}}, "tie-to-itself"),
-        ({"tie.pin.link": "l9"}, "unknown-name"),
+        ({"tie.pin.link": "l9"}, "unknown-link"),
         ({"tie.pin.x": 5.0}, "out-of-range"),
         ({"tie": [pin("l3", 1.0, 0.0, 0.0), pin("l2", 1.0, 0.0, 0.0)]}, "name-twice"),
     ],
