@@ -90,7 +90,7 @@ def columns(run: Trajectory, size: float) -> Trajectory:
 def floating(run: Trajectory, size: float) -> Trajectory:
     """Run with wrong attitude, angular rate and momentum of the free base."""
     parts = run.base.attitude, run.base.spin, run.base.momentum
-    return dataclasses.replace(run, base=type(run.base)(*scaled(parts, size)))
+    return dataclasses.replace(run, base=type(run.base)(*(scaled(part, size) for part in parts)))
 
 
 def weights(method: Method, size: float) -> Method:
@@ -139,13 +139,13 @@ LIES = {
     "stable step": Function("flexlink.dynamics.vibration.stability:stable_step"),
     "motion": Function(RUN, one_sample),
     "end of motion": Function(RUN, at_the_end),
-    "end of run": Function("flexlink.motion.simulate:SingleRun.finish", at_the_end),
+    "end of run": Function("flexlink.motion.simulate:SingleRun.result", at_the_end),
     "energy of motion": Function(RUN, total_energy),
     "decay of motion": Function(RUN, decaying),
     "sensors": Function(RUN, sensors),
     "columns": Function(RUN, columns),
     "floating base": Function(RUN, floating),
-    "run": Function("flexlink.motion.simulate:SingleRun.finish", one_sample),
+    "run": Function("flexlink.motion.simulate:SingleRun.result", one_sample),
     "weights": Function("flexlink.describe.schemes.methods:method", weights),
 }
 """All results that can be made wrong."""
