@@ -125,9 +125,10 @@ def closed(rows: Rows | None, chain: Chain, q: Array, qd: Array) -> tuple[Array,
         if np.abs(g).max() <= near:
             break
     if not np.abs(g).max() <= near:
+        far = np.abs(gaps(rows, chain, start)[0]).max()
         raise SceneError(
-            f"tie: the ends stay {np.abs(g).max():.3g} m apart in all postures near the initial one; give "
-            "initial.joint_deg in which they meet, or move an end",
+            f"tie: the ends are {far:.3g} m apart at the start, and meet in no posture near it; give "
+            "initial.joint_deg near a posture in which they meet, or move an end",
             id="ties-open",
         )
     off = J @ qd
