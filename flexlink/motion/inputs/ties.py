@@ -46,7 +46,7 @@ def tie_rows(scene: Scene, chain: Chain) -> Rows | None:
     if not scene.tie:
         return None
     for there, what in (
-        (scene.motion, "a prescribed motion"),
+        (scene.motion, "[[motion]]"),
         (scene.sensor, "a sensor"),
         (scene.initial.passive == "static", "initial.passive = 'static'"),
         (scene.drive.kind == "computed_torque", "drive.kind = 'computed_torque'"),
