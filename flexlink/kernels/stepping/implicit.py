@@ -116,8 +116,8 @@ def implicit_step(t, h, inputs, state, allowed, work):
             prepare_systems(h, rates, by_stage, work)
         before = moved
     add_up_work(h, done, work)
-    if work.ties is not None:
-        project(work.new[0], work.new[1], work)
+    if work.ties is not None and not project(work.new[0], work.new[1], work):
+        error = math.nan
     return error, iteration
 
 

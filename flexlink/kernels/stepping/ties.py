@@ -49,6 +49,8 @@ REDUNDANT = 1e-11
 """Pivot of S, relative to the largest, up to which a row is redundant: above the rounding errors of any useful arm."""
 CLOSED = 1e-14
 """Largest |g| of a closed row, relative to the size of the arm."""
+OPEN = 1e-10
+"""Largest |g| after a step, relative to the size; a step that leaves more is refused: its posture is singular."""
 TIMES = 8  # corrections of q after a step; one is enough if the step is accurate
 
 
@@ -194,12 +196,15 @@ def hold(z, m, twice, T, Tinv, x, Y, S, A, ties):
 
 @subroutine
 def project(q, qd, work):
-    """Put q and q̇ (n,) onto the rows, in the metric of the step, and leave the posture there."""
+    """Put q and q̇ (n,) onto the rows, in the metric of the step; returns whether all rows are closed.
+
+    The posture of the workspace is then that of q.
+    """
     ties, r = work.ties, len(work.ties.rows)
     J, Y, S, factors = ties.J, ties.real[0], ties.S[0], work.factors[0]
     place_bodies(q, work.posture)
     factor(factors, work.posture)
-    before = math.inf
+    before = off = math.inf
     for again in range(TIMES):
         find_rows(work.chain, ties.rows, q, ties.placed, ties.gap[0], J)
         off = 0.0
@@ -215,6 +220,7 @@ def project(q, qd, work):
         for j in range(len(qd)):
             ties.gap[0, k] += J[k, j] * qd[j]
     move_by(ties.gap[0], qd, Y, S, ties)
+    return off <= OPEN * ties.size[0]
 
 
 @recursion
