@@ -103,6 +103,34 @@ def test_a_parallelogram_swings_like_a_pendulum() -> None:
     np.testing.assert_allclose(run.q[:, 0], np.radians(-90.0) + truth, atol=1e-7)
 
 
+def bricard() -> fl.Scene:
+    """Bricard's mechanism: five rods of 1 m on hinges at right angles, whose ends a sixth hinge ties to the ground."""
+    turns = [(-90, 0, 0), (90, 90, 0), (-90, -90, 0), (90, 90, 0), (-90, -90, 0)]
+    common = {"length": 1.0, "material": "steel", "section": "rod"}
+    links = [{"name": f"r{k}", **common, "mount": {"rpy_deg": turn}} for k, turn in enumerate(turns, 1)]
+    parts = {
+        "name": "bricard", "gravity": [0, -9.81, 0], "material": {"steel": {"young": 1e11, "density": 100.0}},
+        "section": {"rod": {"shape": "rectangle", "height": 0.1, "width": 0.1}}, "link": links,
+        "run": {"duration": 2.0, "sample": 0.1, "tolerance": 1e-4},
+    }  # fmt: skip
+    chain = fl.lump(scene_from(parts))
+    pose = fl.frames(chain, np.zeros(chain.n))
+    end = {"point": pose.points[-1].tolist(), "axis": [1, 0, 0]}
+    axis = (pose.rotations[-1].T @ [1, 0, 0]).tolist()
+    return scene_from(parts | {"tie": [{"name": "close", "kind": "hinge", "link": "r5", "axis": axis, "to": end}]})
+
+
+def test_a_mechanism_with_more_bearings_than_it_needs_moves() -> None:
+    scene = bricard()
+    run = fl.simulate(scene)
+    rows = tie_rows(scene, run.chain)
+    assert np.linalg.matrix_rank(gaps(rows, run.chain, run.q[0])[1], tol=1e-9) < len(rows)
+    assert np.ptp(run.q, axis=0).max() > 0.5
+    assert run.steps.failed == 0
+    assert max(np.abs(gaps(rows, run.chain, q)[0]).max() for q in run.q) < 1e-12
+    assert np.abs(run.imbalance).max() < 1e-3 * run.exchanged[-1]
+
+
 def test_fixed_steps_of_a_rigid_loop_converge_with_the_order_of_their_method() -> None:
     scene = fourbar().varied({"run.duration": 0.4, "run.sample": 0.4})
     truth = fl.simulate(scene.varied({"run.tolerance": 1e-10, "run.method": "Radau9"})).q[-1]
