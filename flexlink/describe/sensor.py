@@ -244,11 +244,18 @@ def _misfits(sensor: Sensor, arm: Arm) -> Iterator[Diagnostic]:
         yield Diagnostic(f"{on}: its joint is locked; a {kind} sensor needs a free joint", "sensor-of-locked-joint")
     if kind == "strain" and link.flex not in {"z", "yz", "xyz"}:
         yield Diagnostic(f"{on}: is rigid; a strain gauge needs a link with flex of z, yz or xyz", "link-is-rigid")
-    if sensor.x is not None and sensor.x > link.beam.length:
-        reason = f"beyond the beam of link {link.name!r}, which is {link.beam.length:g} m long"
-        yield Diagnostic(f"x = {sensor.x!r}: {reason}", "out-of-range")
+    if beyond := beyond_beam(sensor.x, link):
+        yield beyond
     elif kind == "strain" and link.rigidity in arm.rigidities and sensor.x is not None:
         yield from _on_a_jump(sensor.x, link, arm.rigidities[link.rigidity or ""])
+
+
+def beyond_beam(x: float | None, link: Link) -> Diagnostic | None:
+    """Mistake of a position beyond the end of a link's beam [m]."""
+    if x is None or x <= link.beam.length:
+        return None
+    text = f"x = {x!r}: beyond the beam of link {link.name!r}, which is {link.beam.length:g} m long"
+    return Diagnostic(text, "out-of-range")
 
 
 def _on_a_jump(x: float, link: Link, table: Rigidity) -> Iterator[Diagnostic]:

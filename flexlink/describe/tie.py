@@ -9,6 +9,7 @@ from flexlink.common.errors import ArgumentError, Diagnostic, SceneError
 from flexlink.common.wording import both_given, missing, truncated
 from flexlink.describe.arm import Arm
 from flexlink.describe.directions import unit
+from flexlink.describe.sensor import beyond_beam
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, link_key, measured_in
 
 
@@ -117,10 +118,8 @@ def tie_mistakes(ties: Sequence[Tie], arm: Arm) -> Iterator[Diagnostic]:
                 except ArgumentError as error:
                     yield Diagnostic(f"{above}.{error}", error.id)
                     continue
-                link = arm.links[numbers[-1] - 1]
-                if end.x is not None and end.x > link.beam.length:
-                    reason = f"beyond the beam of link {link.name!r}, which is {link.beam.length:g} m long"
-                    yield Diagnostic(f"{above}.x = {end.x!r}: {reason}", "out-of-range")
+                if beyond := beyond_beam(end.x, arm.links[numbers[-1] - 1]):
+                    yield Diagnostic(f"{above}.{beyond}", beyond.id)
         if len(numbers) == 2 and numbers[0] == numbers[1]:
             text = f"{path}.to.link = {truncated(tie.to.link)}: is the tie's own link; name another one"
             yield Diagnostic(text, "tie-to-itself")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Never
 
 from msgspec.structs import replace
@@ -140,13 +141,9 @@ def simulate(
         t0, q0, qd0 = _end_of(after, q0, qd0, t0)
     starts = not (q0 is None and qd0 is None and t0 is None)
     problem = Problem(started_from(scene, q0, qd0, t0, **changes)) if starts else problem_with(scene, changes)
-    run, idle = problem._begin((None, None, None), control, rate, delay, after)
-    try:
-        with deferred() as stop:
-            run.advance(stop, progress, warn)
-            return run.result(stop)
-    finally:
-        problem._idle.append(idle)
+    with problem._run((None, None, None), control, rate, delay, after) as run, deferred() as stop:
+        run.advance(stop, progress, warn)
+        return run.result(stop)
 
 
 MANY = 100_000
@@ -247,26 +244,20 @@ class Problem:
             )
         if after is not None:
             t0, q0, qd0 = _end_of(after, q0, qd0, t0)
-        run, idle = self._begin((q0, qd0, t0), control, rate, delay, after)
-        try:
-            with deferred() as stop:
-                run.advance(stop, progress, warn)
-                return run.result(stop)
-        finally:
-            self._idle.append(idle)
+        with self._run((q0, qd0, t0), control, rate, delay, after) as run, deferred() as stop:
+            run.advance(stop, progress, warn)
+            return run.result(stop)
 
-    def _begin(
+    @contextlib.contextmanager
+    def _run(
         self,
         start: tuple[ArrayLike | None, ArrayLike | None, float | None],
         control: Law | None,
         rate: float | None,
         delay: float,
         after: Trajectory | None,
-    ) -> tuple[SingleRun, tuple[InitialValueProblem, Kept]]:
-        """A run that is ready to start from a state, with what the run before it, `after`, hands on.
-
-        What it uses goes to `_idle` when it has ended.
-        """
+    ) -> Iterator[SingleRun]:
+        """A run that is ready to start from a state, with what the run before it, `after`, hands on."""
         before = None if after is None or not len(after.delayed) else after.delayed
         try:
             problem, kept = self._idle.pop()
@@ -279,14 +270,12 @@ class Problem:
             begun = problem if scene is self.scene else started(problem, scene)
             motion = continued(after, scene)
             if control is None and rate is None and not delay:
-                run = prepared_run(begun, kept, before, motion)
+                yield prepared_run(begun, kept, before, motion)
             else:
-                run = SingleRun(begun, control, rate, delay, before, motion=motion)
-        except BaseException:
-            self._idle.append((problem, kept))
-            raise
-        few = self.scene.run.samples * self.chain.n < MANY
-        return run, (problem, kept if few else Kept())
+                yield SingleRun(begun, control, rate, delay, before, motion=motion)
+        finally:
+            few = self.scene.run.samples * self.chain.n < MANY
+            self._idle.append((problem, kept if few else Kept()))
 
     def _check_stored(self, before: Array, drive: Drive) -> None:
         stored = drive.held.shape[1] if drive.rate else len(self.chain.active)

@@ -93,11 +93,12 @@ def ties_of(record: Record, s: int, real: int, pairs: int) -> Ties | None:
     r, n = len(rows), chain.n
     λ, gap = np.zeros((2, s, r))
     J, middle = np.zeros((2, r, n))
-    return Ties(
-        rows, np.array([chain.size]), kinematics_workspace(chain.arrays), λ, gap, J, middle,
-        np.zeros((real, r, n)), np.zeros((pairs, r, n), complex), np.zeros((real, r, r)),
-        np.zeros((pairs, r, r), complex), np.zeros((r, r + 1)), np.zeros((r, r + 1), complex), np.zeros(r),
-    )  # fmt: skip
+    of_real, of_pairs = (
+        (np.zeros((p, r, n), kind), np.zeros((p, r, r), kind), np.zeros((r, r + 1), kind))
+        for p, kind in ((real, float), (pairs, complex))
+    )
+    placed = kinematics_workspace(chain.arrays)
+    return Ties(rows, np.array([chain.size]), placed, λ, gap, J, middle, of_real, of_pairs, np.zeros(r))
 
 
 def stage_postures(chain: Chain, s: int, posture: Posture) -> Posture:

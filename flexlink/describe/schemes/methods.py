@@ -16,7 +16,6 @@ from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.polynomials import dot, float64
 from flexlink.common.types import Array, Complex
 from flexlink.common.wording import truncated
-from flexlink.data.documents import is_user_file
 from flexlink.describe import data_files
 from flexlink.describe.schemes import coefficients
 from flexlink.describe.spec import Spec
@@ -261,15 +260,7 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
 
 def method(name: str) -> Method:
     """Load a built-in method ("RK4", "Radau5", …), or the user's TOML file."""
-    found = _BUILT_IN.get(name) if isinstance(name, str) else None
-    if found is None:
-        found = data_files.load("methods", "method", name, Method)
-        if not is_user_file(name):  # the user may change a file
-            _BUILT_IN[name] = found
-    return found
-
-
-_BUILT_IN: dict[str, Method] = {}
+    return data_files.load("methods", "method", name, Method)
 
 
 def _padded(rows: tuple[tuple[str, ...], ...], columns: int) -> Array:

@@ -137,18 +137,7 @@ def improve(h, by_stage, work):
                 r[k] += method.Tinv_real[m, j] * R[j, k]
         solve_one(h, method.real[m], work.factors[m], r, x, by_stage, work)
         if work.ties is not None:
-            hold(
-                h * method.real[m],
-                m,
-                1.0,
-                method.T_real,
-                method.Tinv_real,
-                x,
-                work.ties.real[m],
-                work.ties.S[m],
-                work.ties.matrix,
-                work.ties,
-            )
+            hold(h * method.real[m], m, 1.0, method.T_real, method.Tinv_real, x, work.ties.real, work.ties)
         for i in range(s):
             add_change(h, method, i, method.T_real[i, m], x, qdd[i], δq, δv)
     for m in range(len(method.pairs)):
@@ -159,18 +148,7 @@ def improve(h, by_stage, work):
                 z[0, k] += method.Tinv_pairs[m, j] * R[j, k]
         solve_one(h, method.pairs[m], work.factors_pairs[m], z[0], z[1], by_stage, work)
         if work.ties is not None:
-            hold(
-                h * method.pairs[m],
-                m,
-                2.0,
-                method.T_pairs,
-                method.Tinv_pairs,
-                z[1],
-                work.ties.pairs[m],
-                work.ties.S_pairs[m],
-                work.ties.matrix_pairs,
-                work.ties,
-            )
+            hold(h * method.pairs[m], m, 2.0, method.T_pairs, method.Tinv_pairs, z[1], work.ties.pairs, work.ties)
         for i in range(s):
             add_change(h, method, i, 2.0 * method.T_pairs[i, m], z[1], qdd[i], δq, δv)
 

@@ -55,7 +55,11 @@ TIMES = 8  # corrections of q after a step; one is enough if the step is accurat
 
 
 class Ties(NamedTuple):
-    """Rows of a chain, and scratch for an implicit method with s stages."""
+    """Rows of a chain, and scratch for an implicit method with s stages.
+
+    `real` and `pairs` are the answers of the chain for the real and for the complex eigenvalues: Y (p, r, n),
+    S (p, r, r), and a matrix (r, r + 1) for a small system with its right-hand side.
+    """
 
     rows: Any  # (r,) TIE
     size: Any  # (1,) of the arm [m]
@@ -64,12 +68,8 @@ class Ties(NamedTuple):
     gap: Any  # (s, r)
     J: Any  # (r, n)
     middle: Any  # (r, n) J at the middle of the step
-    real: Any  # (p, r, n) Y for every real eigenvalue
-    pairs: Any  # (p, r, n) and every complex one
-    S: Any  # (p, r, r)
-    S_pairs: Any
-    matrix: Any  # (r, r + 1) of a small system, with its right-hand side
-    matrix_pairs: Any
+    real: Any
+    pairs: Any
     used: Any  # (r,)
 
 
@@ -121,8 +121,9 @@ def pull(i, q, R, work):
 
 
 @recursion
-def answer(J, factors, Y, S, r, posture):
-    """Write Y = (M + A)⁻¹ Jᵀ, as rows, and S = J Y; `r` (n,) is scratch."""
+def answer(J, factors, answers, eigenvalue, r, posture):
+    """Write Y = (M + A)⁻¹ Jᵀ, as rows, and S = J Y for an eigenvalue, by its index; `r` (n,) is scratch."""
+    Y, S = answers[0][eigenvalue], answers[1][eigenvalue]
     for k in range(len(J)):
         for j in range(len(r)):
             r[j] = J[k, j]
@@ -139,9 +140,9 @@ def answer_ties(work):
     """Find Y and S for every eigenvalue, whose factors are known."""
     ties = work.ties
     for m in range(len(work.method.real)):
-        answer(ties.middle, work.factors[m], ties.real[m], ties.S[m], work.vectors[VECTOR.rhs], work.posture)
+        answer(ties.middle, work.factors[m], ties.real, m, work.vectors[VECTOR.rhs], work.posture)
     for m in range(len(work.method.pairs)):
-        answer(ties.middle, work.factors_pairs[m], ties.pairs[m], ties.S_pairs[m], work.pairs[0], work.posture)
+        answer(ties.middle, work.factors_pairs[m], ties.pairs, m, work.pairs[0], work.posture)
 
 
 @recursion
@@ -172,9 +173,9 @@ def solve_small(A, used):
 
 
 @recursion
-def hold(z, m, twice, T, Tinv, x, Y, S, A, ties):
+def hold(z, m, twice, T, Tinv, x, answers, ties):
     """Move x (n,), the solution for eigenvalue m without ties, onto the rows, and update the stages' multipliers."""
-    J = ties.middle
+    J, Y, S, A = ties.middle, answers[0][m], answers[1][m], answers[2]
     r, s = len(J), len(ties.λ)
     for k in range(r):
         wrong = 0.0 * z
@@ -201,7 +202,7 @@ def project(q, qd, work):
     The posture of the workspace is then that of q.
     """
     ties, r = work.ties, len(work.ties.rows)
-    J, Y, S, factors = ties.J, ties.real[0], ties.S[0], work.factors[0]
+    J, factors = ties.J, work.factors[0]
     place_bodies(q, work.posture)
     factor(factors, work.posture)
     before = off = math.inf
@@ -212,21 +213,21 @@ def project(q, qd, work):
             off = max(off, abs(ties.gap[0, k]))
         if again > 0 and (off <= CLOSED * ties.size[0] or off >= before):
             break
-        answer(J, factors, Y, S, work.vectors[VECTOR.rhs], work.posture)
-        move_by(ties.gap[0], q, Y, S, ties)
+        answer(J, factors, ties.real, 0, work.vectors[VECTOR.rhs], work.posture)
+        move_by(ties.gap[0], q, ties)
         before = off
     for k in range(r):
         ties.gap[0, k] = 0.0
         for j in range(len(qd)):
             ties.gap[0, k] += J[k, j] * qd[j]
-    move_by(ties.gap[0], qd, Y, S, ties)
+    move_by(ties.gap[0], qd, ties)
     return off <= OPEN * ties.size[0]
 
 
 @recursion
-def move_by(g, q, Y, S, ties):
-    """q ← q − Y S⁻¹ g."""
-    r, A = len(S), ties.matrix
+def move_by(g, q, ties):
+    """q ← q − Y S⁻¹ g, with the answers for the first real eigenvalue."""
+    Y, S, A, r = ties.real[0][0], ties.real[1][0], ties.real[2], len(g)
     for k in range(r):
         for l in range(r):
             A[k, l] = S[k, l]
@@ -243,12 +244,12 @@ def keep(e_v, y, work):
     ties = work.ties
     J, g = ties.middle, ties.gap[0]
     if len(work.turning.dry) > 0:  # the factors have changed
-        answer(J, work.factors[0], ties.real[0], ties.S[0], work.vectors[VECTOR.tau], work.posture)
+        answer(J, work.factors[0], ties.real, 0, work.vectors[VECTOR.tau], work.posture)
     for k in range(len(J)):
         g[k] = 0.0
         for j in range(len(y)):
             g[k] += J[k, j] * (e_v[j] + y[j])
-    move_by(g, y, ties.real[0], ties.S[0], ties)
+    move_by(g, y, ties)
 
 
 @recursion
@@ -276,8 +277,8 @@ def accelerate(state, work):
             for j in range(n):
                 g[k] += sign * ties.J[k, j] * qd[j] / (2.0 * nudge)
     find_rows(work.chain, ties.rows, q, ties.placed, ties.gap[-1], ties.J)
-    answer(ties.J, work.factors[0], ties.real[0], ties.S[0], work.vectors[VECTOR.rhs], work.posture)
+    answer(ties.J, work.factors[0], ties.real, 0, work.vectors[VECTOR.rhs], work.posture)
     for k in range(r):
         for j in range(n):
             g[k] += ties.J[k, j] * qdd[j]
-    move_by(g, qdd, ties.real[0], ties.S[0], ties)
+    move_by(g, qdd, ties)

@@ -38,7 +38,7 @@ def problem_of(
     """
     if not tied:
         refuse_ties(scene.tie)
-    chain = of_kind(scene, lump(open_chain(scene) if scene.tie else scene) if chain is None else chain)
+    chain = of_kind(scene, lump(open_chain(scene)) if chain is None else chain)
     ties = tie_rows(scene, chain)
     base = FloatingBase(chain) if chain.has_free_base else None
     if base is not None:

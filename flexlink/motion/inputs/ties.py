@@ -31,7 +31,7 @@ ROUNDED = 1e-3
 
 def open_chain(scene: Scene) -> Scene:
     """The scene without its ties."""
-    opened: Scene = build_unchecked(replace, scene, tie=())
+    opened: Scene = build_unchecked(replace, scene, tie=()) if scene.tie else scene
     return opened
 
 
@@ -54,11 +54,12 @@ def tie_rows(scene: Scene, chain: Chain) -> Rows | None:
     ):
         if there:
             refuse_ties(scene.tie, f"{what} and ties together are not supported")
-    name = scene.run.method
-    if name != AUTO and not len(method(name).modes.real if not method(name).explicit else ()):
+    name, opened = scene.run.method, open_chain(scene)
+    rule = None if name == AUTO else method(name)
+    if rule is not None and (rule.explicit or not len(rule.modes.real)):
         text = f"run.method = {name!r}: cannot hold tie {scene.tie[0].name!r}; use 'auto', 'Radau5' or 'Radau9'"
         raise SceneError(text, id="method-with-ties")
-    return np.concatenate([_rows_of(tie, open_chain(scene), chain) for tie in scene.tie])
+    return np.concatenate([_rows_of(tie, opened, chain) for tie in scene.tie])
 
 
 def _rows_of(tie: Tie, scene: Scene, chain: Chain) -> Rows:
