@@ -6,7 +6,7 @@ The trapezoidal speed profile is the S-curve with unlimited jerk, so one algorit
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -109,3 +109,19 @@ MOVES: dict[str, tuple[Shape, Callable[[float, Limits], Shape]]] = {
 }
 """For each profile, its move from 0 to 1 and the function for its fastest move. Speeding up, cruising and braking take
 a third of the move each; in an S-curve, acceleration rises, stays constant and falls for a third of each speed ramp."""
+
+
+def rest_to_rest(times: Sequence[float], values: Sequence[float]) -> Array:
+    """Quintic pieces through values at these times, at rest at each, and a constant one after the last."""
+    return quintics(times, np.array(values)[:, None] * [1.0, 0.0, 0.0])
+
+
+def quintics(times: Sequence[float], rows: Array) -> Array:
+    """Quintic pieces through rows of value, rate and acceleration, followed by a piece with the final rate."""
+    pieces = np.zeros((len(times), 6))
+    if len(times) > 1:
+        from scipy.interpolate import BPoly, PPoly  # noqa: PLC0415  0.1 s that few scenes need
+
+        pieces[:-1] = PPoly.from_bernstein_basis(BPoly.from_derivatives(times, rows)).c[::-1].T
+    pieces[-1, :2] = rows[-1, :2]
+    return pieces

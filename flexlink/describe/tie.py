@@ -1,16 +1,36 @@
-"""Ties, which close loops: points of the arm that stay together, or keep their distance."""
+"""Ties between points of the arm: exact ones, which close loops, and springs, stops, cables, walls and play."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from msgspec.structs import replace
 
 from flexlink.common.errors import ArgumentError, Diagnostic, SceneError
 from flexlink.common.wording import both_given, missing, truncated
 from flexlink.describe.arm import Arm
 from flexlink.describe.directions import unit
+from flexlink.describe.numbers import require_increasing
 from flexlink.describe.sensor import beyond_beam
-from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, link_key, measured_in
+from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, build_unchecked, link_key, measured_in
+
+if TYPE_CHECKING:
+    from flexlink.describe.scene import Scene
+
+SPRING, RANGE = ("stiffness", "damping"), ("play", "only", "dissipation")
+KINDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "point": ((), ("to.axis", *SPRING, *RANGE)),
+    "hinge": (("axis",), ("to.axis",)),
+    "slider": (("to.axis",), SPRING),
+    "distance": ((), ("length", "times", "lengths", *SPRING, *RANGE)),
+    "joint": ((), (*SPRING, "play", "dissipation")),
+    "stop": (("stiffness",), ("dissipation",)),
+}
+"""Required and optional keys of each kind, besides `link` and its point."""
+OF_JOINT = ("joint", "stop")
+"""Kinds that are on the link's joint, and have no points."""
 
 
 class TieEnd(Spec, frozen=True):
@@ -29,7 +49,9 @@ class TieEnd(Spec, frozen=True):
     point: Annotated[Vector3 | None, measured_in("m")] = None
     """Point of the undeformed link, in the link's frame, instead of `x`; or the point in frame 0 [m]."""
     axis: Vector3 | None = None
-    """For a hinge: its axis, in axes of the link or of frame 0; need not be normalized. Default: the tie's `axis`."""
+    """Direction in axes of the link or of frame 0, which need not be normalized. Hinge: its axis; default: the tie's
+    `axis`. Slider: the line on which the tie's point slides. Point: the only direction in which the tie acts, as of a
+    wall."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -41,14 +63,19 @@ class TieEnd(Spec, frozen=True):
             unit("axis", self.axis)
 
 
-class Tie(Spec, frozen=True):
-    """A tie between a point of a link and a point of another link, or of frame 0, `to`; it closes a loop.
+class Tie(TieEnd, frozen=True, kw_only=True):
+    """A tie between a point of a link and a point of another link, or of frame 0, `to`; or on the joint of a link.
 
-    point: the points coincide, as in a ball joint.  hinge: they coincide, and so do the axes, as in a revolute joint.
-    distance: they keep the distance `length`, as at the ends of a rod without mass.
+    point: the points coincide, as in a ball joint; with `to.axis` only along this direction.  hinge: they coincide, and
+    so do the axes, as in a revolute joint.  slider: the point is on the line through `to` along `to.axis`.
+    distance: the points keep the distance `length`, as at the ends of a rod without mass; with `times` and `lengths` it
+    moves, as of a cylinder.  joint: the joint of the link stays at 0.  stop: the joint stays within its limits.
 
-    A tie holds exactly, without a spring. `simulate` and `Problem` take scenes with ties, by implicit methods such as
-    Radau5; all other functions refuse them.
+    A tie holds exactly, by a force g = 0 with the displacement g; with `stiffness` it is a spring, k g + `damping` ġ.
+    A spring may act in one direction only, or beyond a `play`. It then presses with k δ (1 + c δ̇), δ > 0 the depth and
+    c the `dissipation` (Hunt & Crossley 1975). Steps end where it begins or ceases to press.
+
+    `simulate` and `Problem` take scenes with ties, by implicit methods such as Radau5; all other functions refuse them.
 
     Examples
     --------
@@ -61,34 +88,99 @@ class Tie(Spec, frozen=True):
 
     name: str
     """Name of the tie, for messages."""
-    kind: Literal["point", "hinge", "distance"]
-    """What the tie holds: two points together, two points and two axes, or the distance of two points."""
-    link: str | int
-    """Link, by name or number from 1."""
-    x: Annotated[NonNegative | None, measured_in("m")] = None
-    """Position along the link's beam, from the beam's root [m]. Default: the end of the link."""
-    point: Annotated[Vector3 | None, measured_in("m")] = None
-    """Point of the undeformed link, in the link's frame, instead of `x` [m]; it moves with the nearest segment."""
-    axis: Vector3 | None = None
-    """For a hinge: its axis, in axes of the link; need not be normalized."""
+    kind: Literal["point", "hinge", "slider", "distance", "joint", "stop"]
+    """What the tie holds: points, points and axes, a point on a line, the distance of points, or a joint."""
     length: Annotated[Positive | None, measured_in("m")] = None
     """For a distance: the distance [m]."""
+    times: Annotated[tuple[float, ...] | None, measured_in("s")] = None
+    """For a distance that moves: times [s], from 0; between them the length is a quintic from rest to rest."""
+    lengths: Annotated[tuple[Positive, ...] | None, measured_in("m")] = None
+    """For a distance that moves, instead of `length`: the distance at each time [m]; it keeps the last one."""
+    stiffness: Annotated[Positive | None, measured_in("N/m", "N m/rad")] = None
+    """Stiffness k of a spring in place of an exact tie [N/m, on a revolute joint N m/rad]; of a point in each axis."""
+    damping: Annotated[NonNegative, measured_in("N s/m", "N m s/rad")] = 0.0
+    """Damping of a spring without a free range [N s/m, N m s/rad]."""
+    play: Annotated[Positive | None, measured_in("m", "rad")] = None
+    """Free range of a spring, from −play/2 to play/2 [m, rad]: of a distance about `length`, of a joint about 0."""
+    only: Literal["push", "pull"] | None = None
+    """Direction of a spring: a cable only pulls, g > 0; a wall with its outward normal `to.axis` only pushes, g < 0."""
+    dissipation: Annotated[NonNegative, measured_in("s/m", "s/rad")] = 0.0
+    """Factor c of the speed in the force of a spring with a free range [s/m, s/rad]; about 1.5 (1 − e) / v for a
+    coefficient of restitution e near 1 at the speed v."""
     to: TieEnd = TieEnd()
     """The other end, `to.link` with `to.x` or `to.point`; without a link `to.point` is a point of frame 0."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.x is not None and self.point is not None:
-            raise both_given("point", self.point, f"x = {self.x!r}")
-        if self.to.link is None and self.to.point is None:
+        if self.link is None:
+            raise missing("link", "give the link of the tie")
+        needs, may = KINDS[self.kind]
+        for key in ("axis", "to.axis", "length", "times", "lengths", *SPRING, *RANGE):
+            value = self.to.axis if key == "to.axis" else getattr(self, key)
+            if key in needs and value is None:
+                raise missing(key, f"kind {self.kind!r} needs it")
+            if value and key not in (*needs, *may):
+                raise self._wrong(key, value, f"kind {self.kind!r} takes {', '.join((*needs, *may))}")
+        if self.kind in OF_JOINT:
+            for key, value in (("x", self.x), ("point", self.point), ("to", None if self.to == TieEnd() else self.to)):
+                if value is not None:
+                    raise self._wrong(key, value, f"kind {self.kind!r} is on the joint of link; leave it out")
+        elif self.to.link is None and self.to.point is None:
             raise missing("to.point", "give the point of frame 0 [m], or to.link")
-        for key, kind in (("axis", "hinge"), ("length", "distance")):
-            if getattr(self, key) is None and self.kind == kind:
-                raise missing(key, f"kind {kind!r} needs it")
-            if getattr(self, key) is not None and self.kind != kind:
-                raise self._refused(key, f"only for kind {kind!r}; leave it out", "key-of-another-kind")
-        if self.axis is not None:
-            unit("axis", self.axis)
+        self._check_length()
+        self._check_spring()
+
+    def _wrong(self, key: str, value: object, why: str) -> SceneError:
+        return SceneError(f"{key} = {truncated(value)}: {why}", id="key-of-another-kind")
+
+    def _check_length(self) -> None:
+        if self.kind != "distance":
+            return
+        if self.length is not None and (self.times or self.lengths):
+            raise both_given("length", self.length, "times")
+        if self.length is None and not (self.times and self.lengths):
+            raise missing("length", "give it, or times and lengths")
+        if self.times and self.lengths:
+            if len(self.times) != len(self.lengths):
+                text = f"lengths has {len(self.lengths)} values: expected one per time, {len(self.times)}"
+                raise SceneError(text, id="one-per-time")
+            if self.times[0] != 0:
+                raise SceneError(f"times[0] = {self.times[0]!r}: must be 0", id="first-time")
+            require_increasing("times", self.times)
+
+    def _check_spring(self) -> None:
+        one = self.kind != "point" or self.to.axis is not None
+        for key in (*SPRING[1:], *RANGE):
+            value = getattr(self, key)
+            if value and self.stiffness is None:
+                raise self._refused(key, "needs a spring; give stiffness, or leave it out", "needs-another-key")
+            if value and key in RANGE and not one:
+                raise self._refused(key, "a point needs a direction for it; give to.axis", "needs-another-key")
+        if self.play and self.only:
+            raise both_given("only", self.only, f"play = {self.play!r}")
+        key = "damping" if self.has_range else "dissipation"
+        if getattr(self, key):
+            text = "springs with a free range have none; give dissipation [s/m]"
+            if not self.has_range:
+                text = "springs without a free range have none; give damping [N s/m], or play or only"
+            raise self._refused(key, text, "key-of-another-kind")
+
+    @property
+    def has_range(self) -> bool:
+        """Whether the tie is a spring that does not act in part of its range."""
+        return bool(self.play or self.only or self.kind == "stop")
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Free range of g [m, rad], other than of a stop."""
+        half = (self.play or 0.0) / 2
+        return (-math.inf, 0.0) if self.only == "pull" else (0.0, math.inf) if self.only == "push" else (-half, half)
+
+
+def open_chain(scene: Scene) -> Scene:
+    """The scene without its ties."""
+    opened: Scene = build_unchecked(replace, scene, tie=()) if scene.tie else scene
+    return opened
 
 
 def refuse_ties(ties: Sequence[Tie], why: str = "only simulate and Problem support ties") -> None:
@@ -120,6 +212,13 @@ def tie_mistakes(ties: Sequence[Tie], arm: Arm) -> Iterator[Diagnostic]:
                     continue
                 if beyond := beyond_beam(end.x, arm.links[numbers[-1] - 1]):
                     yield Diagnostic(f"{above}.{beyond}", beyond.id)
+        if tie.kind in OF_JOINT and numbers:
+            joint = arm.links[numbers[0] - 1].joint
+            if joint.locked:
+                yield Diagnostic(f"{path}: its joint is locked; a tie needs a free joint", "tie-of-locked-joint")
+            elif tie.kind == "stop" and joint.limits is None:
+                text = f"{path}: the joint of link {truncated(tie.link)} has no limits; give {joint.limits_key}"
+                yield Diagnostic(text, "stop-without-limits")
         if len(numbers) == 2 and numbers[0] == numbers[1]:
             text = f"{path}.to.link = {truncated(tie.to.link)}: is the tie's own link; name another one"
             yield Diagnostic(text, "tie-to-itself")

@@ -15,7 +15,7 @@ from flexlink.describe.run_settings import RunSettings, steps_explicitly
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import solver_for
 from flexlink.dynamics.floating_base import FloatingBase
-from flexlink.kernels.inputs.record import Inputs
+from flexlink.kernels.inputs.record import Inputs, MotionTable
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class InitialValueProblem:
     inputs: Inputs  # drive, motions that are given, tip wrench
     q: Array  # (n,) initial angles [rad] and rates [rad/s]; read-only by convention
     qd: Array
-    ties: NDArray[np.void] | None = None  # (r,) TIE, rows that close loops; None: an open chain
+    ties: tuple[NDArray[np.void], MotionTable] | None = None  # (r,) TIE, and lengths that move; None: an open chain
     base: FloatingBase | None = None  # reference attitude of a floating base; `chain` is then `base.chain`
 
     @property

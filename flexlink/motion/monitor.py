@@ -281,8 +281,9 @@ class Monitor:
 
     def _past_limits(self, rows: slice) -> Iterator[tuple[int, str, Diagnostic]]:
         """Warnings about joints past their limits, which the model does not enforce."""
-        chain = self.record.chain
-        for k in self._balance.bounds.limited:
+        chain, scene = self.record.chain, self.record.problem.scene
+        stopped = {chain.index(scene.arm.number(tie.link or 0), 0, 0) for tie in scene.tie if tie.kind == "stop"}
+        for k in sorted({*self._balance.bounds.limited.tolist()} - stopped):
             q, lower, upper = self.record.q[rows, k], chain.hinges["lower"][k], chain.hinges["upper"][k]
             out = np.maximum(lower - q, q - upper) > Thresholds.at_limit
             if out.any():

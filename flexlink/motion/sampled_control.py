@@ -18,6 +18,7 @@ from flexlink.describe.numbers import multiples, parts, whole
 from flexlink.describe.plausibility.sizes import hint_if_outside
 from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.schemes.methods import method
+from flexlink.describe.tie import refuse_ties
 from flexlink.dynamics.accelerations import solver_for
 from flexlink.dynamics.conserved import Energy
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
@@ -280,6 +281,7 @@ def control_of(
             id="controller-needs-rate",
         )
     if takes_sensors(law):
+        refuse_ties(scene.tie, "laws that read sensors do not support ties")
         if not scene.sensor:
             raise ArgumentError(
                 "control: has the parameter sensors, but the scene has no [[sensor]]; add one", id="no-sensors"

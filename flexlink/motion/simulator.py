@@ -16,6 +16,7 @@ from flexlink.common.types import Array
 from flexlink.common.wording import short_list
 from flexlink.describe.numbers import parts, whole
 from flexlink.describe.scene import Scene
+from flexlink.describe.tie import open_chain, refuse_ties
 from flexlink.dynamics.sensors.instrument import Readings
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.motion.adaptive_steps import AdaptiveSteps
@@ -74,11 +75,13 @@ class Simulator:
     def __init__(self, scene: Scene) -> None:
         run = require_type("scene", scene, Scene).run
         self._scene = scene if run.duration else scene.varied({"run.duration": run.spacing})
-        self.chain = lump(scene)
+        self.chain = lump(open_chain(scene))
+        if scene.sensor:
+            refuse_ties(scene.tie, "a Simulator with sensors does not support ties")
         self._held = held_torques(
             self.chain, np.zeros(1), np.zeros((1, len(self.chain.active))), effort_of(scene, self.chain)
         )
-        self._problem, self._kept = problem_of(self._scene, self.chain), Kept()
+        self._problem, self._kept = problem_of(self._scene, self.chain, tied=True), Kept()
         self._readings: dict[str, float] = {}
         self._lengths: dict[float, int] = {}  # number of fixed steps of each duration used so far
         self.reset()
@@ -199,7 +202,7 @@ class Simulator:
             self._again.reset(*self._given, time=self._began)
         for tau, duration, q in self._past:
             both = q, self._again.step(tau, duration=duration).q
-            own, other = (compared_path(self.chain, each[None]) for each in both)
+            own, other = (compared_path(self.chain, each[None], every=self._record.tied) for each in both)
             self._error = max(self._error, float(apart(own, other)[0]))
         self._past.clear()
         return self._error
@@ -299,6 +302,6 @@ class Simulator:
             advice = held_torques_advice(held)
         return fault.kind(
             f"{self.chain.name}: after t = {t:.6g} s: {fault.text}; {advice}",
-            trajectory_from_states(problem_of(self._scene, self.chain), np.array([t]), q[None], qd[None]),
+            trajectory_from_states(problem_of(self._scene, self.chain, tied=True), np.array([t]), q[None], qd[None]),
             id=fault.id,
         )

@@ -87,18 +87,23 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
 
 def ties_of(record: Record, s: int, real: int, pairs: int) -> Ties | None:
     """Workspace for the ties of a record's problem and a method with s stages; None for an open chain."""
-    rows, chain = record.problem.ties, record.chain
-    if rows is None:
+    given, chain = record.problem.ties, record.chain
+    if given is None:
         return None
+    rows, lengths = given
     r, n = len(rows), chain.n
-    λ, gap = np.zeros((2, s, r))
+    λ, last, gap = np.zeros((3, s, r))
     J, middle = np.zeros((2, r, n))
-    of_real, of_pairs = (
+    of_real, of_pairs, again = (
         (np.zeros((p, r, n), kind), np.zeros((p, r, r), kind), np.zeros((r, r + 1), kind))
-        for p, kind in ((real, float), (pairs, complex))
+        for p, kind in ((real, float), (pairs, complex), (1, float))
     )
-    placed = kinematics_workspace(chain.arrays)
-    return Ties(rows, np.array([chain.size]), placed, λ, gap, J, middle, of_real, of_pairs, np.zeros(r))
+    ranges = np.array([np.count_nonzero(rows["low"] < rows["high"])])
+    return Ties(
+        rows, np.array([chain.size]), ranges, lengths, np.zeros((3, r)), np.zeros(r, np.int64), np.full(r, np.nan),
+        λ, last, gap, np.zeros((2, r)), np.zeros(2), np.zeros((2, r)), kinematics_workspace(chain.arrays), J, middle,
+        of_real, of_pairs, again, np.zeros(r),
+    )  # fmt: skip
 
 
 def stage_postures(chain: Chain, s: int, posture: Posture) -> Posture:
@@ -138,10 +143,10 @@ def remembered(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
 
 
 def stages_of(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
-    """Stages of the last step, and multipliers of ties, from which the next implicit step's iteration starts."""
+    """Stages of the last step, multipliers and laws of ties, from which the next implicit step's iteration starts."""
     if not isinstance(work, ImplicitWork):
         return ()
-    return (work.stages,) if work.ties is None else (work.stages, work.ties.λ)
+    return (work.stages,) if work.ties is None else (work.stages, work.ties.λ, work.ties.last, work.ties.left)
 
 
 def friction_laws(work: EmbeddedWork | ImplicitWork) -> tuple[float, ...]:

@@ -52,7 +52,8 @@ class StopTimes:
     ) -> None:
         part = 0.1  # ignored torque error between stages, relative to the largest torque times tolerance / size
         on_the_grid = 1e-6  # fraction of a fixed step within which a time counts as on the grid
-        run, (drive, motion, _, wrench) = record.run, record.inputs
+        run, (drive, motion, _, wrench), ties = record.run, record.inputs, record.problem.ties
+        lengths = np.empty(0) if ties is None else ties[1].knots
         tables = [table for table in (drive if by_drive else None, wrench) if table is not None]
         delayed = np.empty(0) if by_drive or not drive.delay else drive.feedforward.knots  # torques of a law in Python
         self.drive = drive if by_drive and drive.rate else None
@@ -64,9 +65,9 @@ class StopTimes:
         if run.controlled:
             size = record.chain.size
             smooth = [breakpoints(table, part * run.tolerance_within(size) / size) for table in tables]
-            fixed = np.concatenate([*smooth, motion.knots, delayed])
+            fixed = np.concatenate([*smooth, motion.knots, lengths, delayed])
         else:
-            number = np.concatenate([*map(corners, tables), motion.knots]) / run.fixed_step
+            number = np.concatenate([*map(corners, tables), motion.knots, lengths]) / run.fixed_step
             number = number[np.abs(number - np.round(number)) > on_the_grid]
             fixed = np.concatenate([number, np.ceil(number)]) * run.fixed_step
         self.fixed: list[float] = sorted(set(fixed.tolist()))

@@ -98,6 +98,8 @@ def _switches(monitor: Monitor) -> bool:
     holds nothing: the arm may balance like an upright pendulum, and so amplify errors.
     """
     record, drive, steps = monitor.record, monitor.record.inputs.drive, monitor.steps
+    if record.problem.ties is not None and (record.problem.ties[0]["low"] < record.problem.ties[0]["high"]).any():
+        return True
     jumps, taken = (len(corners(drive)) if drive.law == TABLE else 0) + steps.rejected, steps.taken
     if drive.law == COMPUTED_TORQUE and not drive.rate and len(on_elastic_gears(record.chain.arrays)) > 0:
         return True

@@ -239,7 +239,10 @@ class RunSamples(Result):
 
     def accelerations(self) -> Array:
         """As `qdd`, without its warning."""
-        refuse_ties(() if self.scene is None else self.scene.tie, "accelerations and loads do not support ties")
+        return self._tied[0] if self.scene is not None and self.scene.tie else self._untied()
+
+    def _untied(self) -> Array:
+        """Accelerations of the chain without its ties."""
         from flexlink.dynamics.accelerations import forward_dynamics  # noqa: PLC0415
 
         hinges = self.chain.hinges.copy()
@@ -248,6 +251,27 @@ class RunSamples(Result):
         # state by state: the batched function takes seconds to compile, and its results are identical bit for bit
         given: dict[str, Any] = {"q": self.q, "qd": self.qd, "tau": self.drive_torques}
         return read_only(each(forward_dynamics, free, given, tip_wrench=self.tip_wrench))
+
+    @functools.cached_property
+    def _tied(self) -> tuple[Array, Array]:
+        """Accelerations (samples, n), and multipliers of all rows of ties (samples, r)."""
+        from flexlink.dynamics.ties import tied_motion  # noqa: PLC0415  few scenes have ties
+
+        return tied_motion(self.scene, self.chain, self.t, self.q, self.qd, self._untied())
+
+    @functools.cached_property
+    def tie_forces(self) -> Mapping[str, Array]:
+        """Force of each tie at the samples, by its name: positive where it pulls, shape (samples,) [N].
+
+        For ties on a joint it is the torque [N m] or force that pulls the coordinate down. Ties that hold a point in
+        several directions give the force on the point of the link, in axes of `to`, shape (samples, 3).
+        """
+        if self.scene is None or not self.scene.tie:
+            return {}
+        from flexlink.dynamics.ties import tie_forces  # noqa: PLC0415
+
+        self.warn_of_vibrations()
+        return tie_forces(self.scene, self.chain, self._tied[1])
 
     @functools.cached_property
     def loads(self) -> InternalLoads:
@@ -260,6 +284,7 @@ class RunSamples(Result):
         """
         from flexlink.dynamics.loads import internal_loads  # noqa: PLC0415
 
+        refuse_ties(() if self.scene is None else self.scene.tie, "internal loads do not support ties")
         return internal_loads(self.chain, self.q, self.qd, self.qdd, tip_wrench=self.tip_wrench)
 
     @property

@@ -31,10 +31,10 @@ def checked_path(chain: Chain, q: Array, *, every: bool = False) -> Array:
     return path
 
 
-def compared_path(chain: Chain, q: Array) -> Array:
+def compared_path(chain: Chain, q: Array, *, every: bool = False) -> Array:
     """Return `checked_path`, or, for an arm with several tips, the paths of all its tips, (samples, tips, 3) [m]."""
-    if len(chain.tips) == 1 or not chain.has_levers:
-        return checked_path(chain, q)
+    if every or len(chain.tips) == 1 or not chain.has_levers:
+        return checked_path(chain, q, every=every)
     tips = list(chain.tips.values())
     return np.array([forward_kinematics(chain.arrays, angles).points[tips] for angles in np.ascontiguousarray(q)])
 

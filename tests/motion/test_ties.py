@@ -10,11 +10,14 @@ from scipy.integrate import solve_ivp
 
 import flexlink as fl
 from flexlink.describe.scene import scene_from
+from flexlink.describe.tie import open_chain
+from flexlink.dynamics.ties import gaps, tie_rows
 from flexlink.kernels.geometry.kinematics import forward_kinematics
-from flexlink.motion.inputs.ties import gaps, open_chain, tie_rows
 from tests.support.loops import Loop
+from tests.support.touching import Touching
 from tests.support.words import refused
 
+STEP = {"duration": 0.4, "sample": 0.1, "step": 0.1, "method": "Radau5"}
 BENDS = {"flex": "z", "segments": 3}
 
 
@@ -35,6 +38,10 @@ def pin(link: str, *point: float) -> dict:
     return {"name": "pin", "kind": "point", "link": link, "to": {"point": list(point)}}
 
 
+def rod(**more: object) -> dict:
+    return {"name": "pin", "kind": "distance", "link": "l3", "to": {"point": [1.1, 0.0, 0.0]}, **more}
+
+
 def fourbar(**bends: object) -> fl.Scene:
     lengths = ({"length": length, **bends} for length in (0.4, 1.0, 0.8))
     return arm(*lengths, ties=[pin("l3", 1.1, 0.0, 0.0)], start=[60.0, -33.03, -116.34])
@@ -47,14 +54,14 @@ def paths(chain: fl.Chain, q: np.ndarray) -> np.ndarray:
 def checked(scene: fl.Scene, most: float = 3.0) -> fl.Trajectory:
     """The run of a scene, which is closed at all samples, and near that of another engine."""
     problem = fl.Problem(scene)
-    chain, rows = problem.chain, tie_rows(scene, problem.chain)
+    chain, ties = problem.chain, tie_rows(scene, problem.chain)
     run = problem.simulate()
-    truth = Loop(chain, rows).run(run.q[0], run.qd[0], run.t)
+    truth = Loop(chain, ties[0]).run(run.q[0], run.qd[0], run.t)
     off = np.linalg.norm(paths(chain, run.q) - paths(chain, truth), axis=2).max()
     assert off <= most * run.stated.allowed
     assert run.kept
-    assert max(np.abs(gaps(rows, chain, q)[0]).max() for q in run.q) <= 1e-12 * chain.size
-    rates = max(np.abs(gaps(rows, chain, q)[1] @ qd).max() for q, qd in zip(run.q, run.qd, strict=True))
+    assert max(np.abs(gaps(ties, chain, q)[0]).max() for q in run.q) <= 1e-12 * chain.size
+    rates = max(np.abs(gaps(ties, chain, q)[1] @ qd).max() for q, qd in zip(run.q, run.qd, strict=True))
     assert rates <= 1e-9 * max(1.0, np.abs(run.qd).max())
     return run
 
@@ -123,11 +130,11 @@ def bricard() -> fl.Scene:
 def test_a_mechanism_with_more_bearings_than_it_needs_moves() -> None:
     scene = bricard()
     run = fl.simulate(scene)
-    rows = tie_rows(scene, run.chain)
-    assert np.linalg.matrix_rank(gaps(rows, run.chain, run.q[0])[1], tol=1e-9) < len(rows)
+    ties = tie_rows(scene, run.chain)
+    assert np.linalg.matrix_rank(gaps(ties, run.chain, run.q[0])[1], tol=1e-9) < len(ties[0])
     assert np.ptp(run.q, axis=0).max() > 0.5
     assert run.steps.failed == 0
-    assert max(np.abs(gaps(rows, run.chain, q)[0]).max() for q in run.q) < 1e-12
+    assert max(np.abs(gaps(ties, run.chain, q)[0]).max() for q in run.q) < 1e-12
     assert np.abs(run.imbalance).max() < 1e-3 * run.exchanged[-1]
 
 
@@ -153,18 +160,199 @@ def test_runs_repeat_continue_and_are_stored() -> None:
     assert scene_from(tomllib.loads(scene.to_toml())) == scene
 
 
+def pendulum(ties: list, **more: object) -> fl.Scene:
+    """A rod of 1 m and 0.4 kg that swings about Y, with ties."""
+    scene = arm({"length": 1.0, "joint": {"axis": [0, -1, 0], "limits_deg": [-100.0, -60.0]}}, ties=ties, start=[-65.0])
+    square = {"material.steel.density": 1000.0, "section.thin.height": 0.02, "section.thin.width": 0.02}
+    return scene.varied({**square, "run.duration": 1.0, **more})
+
+
+INERTIA = 0.4 * (1.0 / 3.0 + 0.02**2 / 12.0)
+
+
+@pytest.mark.parametrize("dissipation", [0.0, 0.3])
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-6])
+def test_a_pendulum_is_thrown_back_by_its_stops(tolerance: float, dissipation: float) -> None:
+    """J θ̈ = −m g L/2 cos θ − k δ (1 + c δ̇) beyond the limits, integrated from corner to corner by SciPy."""
+    k, c = 1e5, dissipation
+    low, high = np.radians([-100.0, -60.0])
+    stop = {"name": "stop", "kind": "stop", "link": "l1", "stiffness": k, "dissipation": c}
+    run = fl.simulate(pendulum([stop], **{"run.tolerance": tolerance}))
+    assert run.kept
+    assert not run.warnings
+
+    def rates(_t: float, y: np.ndarray, side: int) -> list[float]:
+        depth = side * (y[0] - (high if side > 0 else low))
+        pressed = side * k * depth * (1.0 + c * side * y[1]) if side else 0.0
+        return [y[1], (-0.4 * 9.81 * 0.5 * np.cos(y[0]) - pressed) / INERTIA]
+
+    def end(_t: float, y: np.ndarray, side: int) -> float:  # of the present piece, where this becomes positive
+        return max(y[0] - high, low - y[0]) if not side else side * ((high if side > 0 else low) - y[0])
+
+    end.terminal, end.direction = True, 1
+    t, y, side, angles = 0.0, np.array([np.radians(-65.0), 0.0]), 0, np.full(len(run.t), np.nan)
+    accurate = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-12, "dense_output": True}
+    while np.isnan(angles[-1]):
+        found = solve_ivp(rates, (t, 1.0), y, args=(side,), events=end, **accurate)
+        there = (run.t >= t) & (run.t <= found.t[-1])
+        angles[there] = found.sol(run.t[there])[0] if there.any() else []
+        t, y = found.t[-1], found.y[:, -1]
+        side = 0 if side else 1 if y[0] > np.radians(-80.0) else -1
+    assert np.abs(run.q[:, 0] - angles).max() < 3 * tolerance
+
+
+def test_an_inertia_in_a_gear_with_play_swings_with_the_period_of_the_closed_form() -> None:
+    """Free over the play s, half an oscillation of ω² = k / J at each end: T = 2 s / v + 2 π / ω."""
+    k, v, play = 400.0, 2.0, 0.3
+    gear = {"name": "gear", "kind": "joint", "link": "l1", "stiffness": k, "play": play}
+    period = 2 * play / v + 2 * np.pi / np.sqrt(k / INERTIA)
+    start = {"gravity": [0, 0, 0], "initial.joint_deg": [0.0], "link.l1.joint.limits_deg": None}
+    scene = pendulum([gear], **start, **{"run.duration": 3 * period, "run.sample": period, "run.tolerance": 1e-8})
+    run = fl.simulate(scene, qd0=[v])
+    np.testing.assert_allclose(run.q[:, 0], 0.0, atol=2e-8)
+    np.testing.assert_allclose(run.qd[:, 0], v, atol=1e-6)
+
+
+def test_a_mass_on_a_cable_falls_hangs_and_is_thrown_up() -> None:
+    """Free fall over h, then z = −g/ω² (1 − cos ωτ) − v/ω sin ωτ with v = √(2 g h), ω² = k / m while it pulls."""
+    k, h, g, m = 2e3, 0.1, 9.81, 0.36
+    cable = {
+        "name": "rope", "kind": "distance", "link": "l1", "length": 1.0 + h, "stiffness": k, "only": "pull",
+        "to": {"point": [1.0, 0.0, 1.0]},
+    }  # fmt: skip
+    scene = arm({"length": 1.0, "joint": {"kind": "prismatic", "axis": [0, 0, 1]}}, ties=[cable], start=[0.0])
+    scene = scene.varied({"initial.joint_deg": None, "run.tolerance": 1e-8, "material.steel.density": 1000.0})
+    run = fl.simulate(scene)
+    assert fl.mass_matrix(run.chain, run.q[0])[0, 0] == pytest.approx(m)
+    fall, v, ω = np.sqrt(2 * h / g), np.sqrt(2 * g * h), np.sqrt(k / m)
+    taut = (2 * np.pi - 2 * np.arctan2(v, g / ω)) / ω  # until the cable is as long again, with the speed reversed
+    t = run.t
+    z = np.where(t < fall, -g * t**2 / 2, -h - g / ω**2 * (1 - np.cos(ω * (t - fall))) - v / ω * np.sin(ω * (t - fall)))
+    up = t - fall - taut
+    z = np.where(up > 0, -h + v * up - g * up**2 / 2, z)
+    assert (up > 0).any()
+    np.testing.assert_allclose(run.q[:, 0], z, atol=1e-8)
+
+
+def test_a_cylinder_raises_a_boom_as_its_length_tells() -> None:
+    """cos β = (a² + b² − l²) / (2 a b) at each time, of the boom against the line to the cylinder's foot."""
+    a, b = 0.6, 0.5
+    lift = {
+        "name": "lift", "kind": "distance", "link": "l1", "x": a, "times": [0.0, 0.3], "lengths": [0.7, 0.9],
+        "to": {"point": [0.0, 0.0, -b]},
+    }  # fmt: skip
+    start = {"initial.joint_deg": [-10.0], "link.l1.joint.limits_deg": None}
+    scene = pendulum([lift], **start, **{"run.duration": 0.5, "run.tolerance": 1e-6})
+    with pytest.warns(RuntimeWarning, match="closed"):
+        run = fl.simulate(scene)
+    x = np.clip(run.t / 0.3, 0.0, 1.0)
+    length = 0.7 + 0.2 * x**3 * (10 + x * (6 * x - 15))
+    angle = np.arccos((a * a + b * b - length**2) / (2 * a * b)) - np.pi / 2
+    np.testing.assert_allclose(run.q[:, 0], angle, atol=1e-12)
+    lever = a * b * np.cos(angle) / length  # dl/dθ: the force follows from J θ̈ + m g L/2 cos θ = −F dl/dθ
+    rate = (30 * x**2 - 60 * x**3 + 30 * x**4) * 0.2 / 0.3
+    bent = (60 * x - 180 * x**2 + 120 * x**3) * 0.2 / 0.09
+    turned = -a * b * np.sin(angle) / length - (a * b * np.cos(angle)) ** 2 / length**3
+    θ_tt = (bent - turned * (rate / lever) ** 2) / lever
+    force = -(INERTIA * θ_tt + 0.4 * 9.81 * 0.5 * np.cos(angle)) / lever
+    np.testing.assert_allclose(run.tie_forces["lift"], force, atol=1e-9 * np.abs(force).max())
+    np.testing.assert_allclose(run.qdd[:, 0], θ_tt, atol=1e-8)
+    assert np.abs(run.imbalance).max() < 1e-4 * run.exchanged[-1]
+
+
+def test_a_stiff_spring_is_nearly_an_exact_tie() -> None:
+    scene = fourbar(**BENDS).varied({"run.tolerance": 1e-5})
+    held = fl.simulate(scene)
+    for stiffness, most in ((1e7, 2e-5), (1e10, 1e-5)):
+        spring = fl.simulate(scene.varied({"tie.pin.stiffness": stiffness}), q0=held.q[0], qd0=held.qd[0])
+        assert np.abs(paths(held.chain, spring.q) - paths(held.chain, held.q)).max() < most
+        assert spring.steps.taken < 4 * held.steps.taken
+
+
+def test_a_crank_drives_a_slider() -> None:
+    """x = r cos θ + √(l² − r² sin² θ)."""
+    line = {"point": [0.0, 0.0, 0.0], "axis": [1.0, 0.0, 0.0]}
+    slider = {"name": "pin", "kind": "slider", "link": "l2", "to": line}
+    scene = arm({"length": 0.3}, {"length": 0.7}, ties=[slider], start=[60.0, -81.787])
+    run = fl.simulate(scene.varied({"run.duration": 1.0}))
+    θ = run.q[:, 0]
+    assert np.ptp(θ) > 2.0
+    np.testing.assert_allclose(run.tip[:, 0], 0.3 * np.cos(θ) + np.sqrt(0.49 - 0.09 * np.sin(θ) ** 2), atol=1e-12)
+    np.testing.assert_allclose(run.tip[:, 1:], 0.0, atol=1e-12)
+
+
+def touching() -> fl.Scene:
+    """A bending arm of two links on a rope, over a wall, with a spring and a damper between its links."""
+    wall = {"point": [0.0, 0.0, -0.45], "axis": [0.1, 0.0, 1.0]}
+    ties = [
+        {"name": "wall", "kind": "point", "link": "l2", "stiffness": 1e4, "dissipation": 0.2, "only": "push",
+         "to": wall},
+        {"name": "rope", "kind": "distance", "link": "l1", "length": 0.72, "stiffness": 1e3, "only": "pull",
+         "to": {"point": [0.0, 0.2, 0.5]}},
+        {"name": "ball", "kind": "point", "link": "l2", "x": 0.3, "stiffness": 20.0, "damping": 0.5,
+         "to": {"link": "l1", "point": [0.3, 0.0, 0.0]}},
+    ]  # fmt: skip
+    lengths = ({"length": 0.5, "flex": "z", "segments": 3}, {"length": 0.5, "flex": "z", "segments": 3})
+    return arm(*lengths, ties=ties, start=[10.0, -20.0]).varied({"material.steel.young": 1e9})
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
+def test_a_bending_arm_touches_a_wall_a_rope_and_a_spring(tolerance: float) -> None:
+    problem = fl.Problem(touching().varied({"run.tolerance": tolerance}))
+    run = problem.simulate()
+    truth, pieces = Touching(problem.chain, tie_rows(problem.scene, problem.chain)).run(run.q[0], run.qd[0], run.t)
+    assert pieces > 3
+    assert run.kept
+    assert np.linalg.norm(paths(run.chain, run.q) - paths(run.chain, truth), axis=2).max() < 3 * tolerance
+    assert np.abs(run.imbalance).max() < 10 * tolerance * run.exchanged[-1]
+
+
+@pytest.mark.parametrize("scene", [fourbar(**BENDS), touching()], ids=["loop", "touching"])
+def test_a_simulator_steps_a_tied_arm_as_a_run_does(scene: fl.Scene) -> None:
+    run, arm = fl.simulate(scene), fl.Simulator(scene)
+    off = [(paths(run.chain, np.array([arm.step(duration=0.05).q, q]))) for q in run.q[1:]]
+    assert max(np.linalg.norm(one - other, axis=1).max() for one, other in off) < 3 * run.stated.allowed
+    assert arm.error < run.stated.allowed
+
+
+def test_an_accelerometer_on_a_loop_feels_what_differences_of_the_motion_show() -> None:
+    feel = {"name": "s", "kind": "accelerometer", "link": "l2", "axis": [1, 0, 0]}
+    scene = fourbar().varied({"run.tolerance": 1e-9, "run.sample": 1e-3, "sensor": [feel], "run.duration": 0.1})
+    run = fl.simulate(scene)
+    start, end = paths(run.chain, run.q)[:, -3], paths(run.chain, run.q)[:, -2]  # of the second of three links
+    acceleration = (end[2:] - 2 * end[1:-1] + end[:-2]) / 1e-6
+    along = (end - start)[1:-1]  # the link is 1 m long
+    felt = ((acceleration - [0.0, 0.0, -9.81]) * along).sum(axis=1)
+    np.testing.assert_allclose(run.readings["s [m/s²]"][1:-1], felt, atol=1e-3)
+
+
 @pytest.mark.parametrize(
     ("change", "id"),
     [
         ({"tie.pin.to.point": [3.0, 0.0, 0.0]}, "ties-open"),
         ({"run.method": "DOP853"}, "method-with-ties"),
         ({"initial.passive": "static"}, "ties-not-supported"),
-        ({"sensor": [{"name": "s", "kind": "joint", "link": "l1"}]}, "ties-not-supported"),
+        ({"run.outputs": ["loads"]}, "ties-not-supported"),
         ({"base": {"kind": "free", "mass": 1.0, "inertia": [1, 1, 1]}, "gravity": [0, 0, 0]}, "ties-not-supported"),
         ({"tie.pin.kind": "hinge"}, "missing-key"),
         ({"tie.pin.length": 1.0}, "key-of-another-kind"),
         ({"tie.pin.to": {}}, "missing-key"),
         ({"tie.pin.to": {"x": 0.1}}, "needs-another-key"),
+        ({"tie.pin.link": None}, "missing-key"),
+        ({"tie.pin.damping": 1.0}, "needs-another-key"),
+        ({"tie.pin.stiffness": 1e3, "tie.pin.play": 0.1}, "needs-another-key"),
+        ({"tie.pin.stiffness": 1e3, "tie.pin.dissipation": 0.1}, "needs-another-key"),
+        ({"tie": [rod(length=1.0, stiffness=1e3, play=0.1, only="pull")]}, "both-given"),
+        ({"tie": [rod(length=1.0, stiffness=1e3, only="pull", damping=1.0)]}, "key-of-another-kind"),
+        ({"tie": [rod(length=1.0, stiffness=1e3, dissipation=1.0)]}, "key-of-another-kind"),
+        ({"tie": [rod(length=1.0, times=[0.0, 1.0], lengths=[1.0, 1.1])]}, "both-given"),
+        ({"tie": [rod(times=[0.0, 1.0], lengths=[1.0])]}, "one-per-time"),
+        ({"tie": [rod(times=[0.1, 1.0], lengths=[1.0, 1.1])]}, "first-time"),
+        ({"tie": [rod()]}, "missing-key"),
+        ({"tie": [{"name": "stop", "kind": "stop", "link": "l1", "stiffness": 1e3}]}, "stop-without-limits"),
+        ({"tie": [{"name": "s", "kind": "joint", "link": "l1", "to": {"link": "l2"}}]}, "key-of-another-kind"),
+        ({"tie": [{"name": "s", "kind": "joint", "link": "l1"}], "link.l1.joint.locked": True}, "tie-of-locked-joint"),
+        ({"tie.pin": rod(length=0.8, stiffness=1e3, only="pull"), "run": STEP}, "step-with-ties"),
         ({"tie.pin.to": {"link": "l3"}}, "tie-to-itself"),
         ({"tie.pin.link": "l9"}, "unknown-link"),
         ({"tie.pin.x": 5.0}, "out-of-range"),
@@ -179,9 +367,14 @@ def test_mistakes_and_what_ties_do_not_allow_are_refused(change: dict, id: str) 
 def test_all_other_functions_refuse_a_scene_with_ties() -> None:
     scene = fourbar()
     run = fl.simulate(scene)
+    sensing = scene.varied({"sensor": [{"name": "s", "kind": "joint", "link": "l1"}]})
+
+    def law(_t: float, _q: np.ndarray, _qd: np.ndarray, sensors: dict) -> list[float]:
+        return [0.0, 0.0, 0.0]
+
     for call in (
-        lambda: fl.lump(scene), lambda: fl.Simulator(scene), lambda: fl.simulate_many([scene]), lambda: run.qdd,
-        lambda: fl.advise(scene), lambda: fl.compare(scene), lambda: run.loads,
+        lambda: fl.lump(scene), lambda: fl.simulate_many([scene]), lambda: fl.advise(scene), lambda: fl.compare(scene),
+        lambda: run.loads, lambda: fl.Simulator(sensing), lambda: fl.simulate(sensing, control=law, rate=100.0),
     ):  # fmt: skip
         with refused(fl.FlexlinkError, "ties-not-supported"):
             call()

@@ -17,6 +17,7 @@ from flexlink.describe.directions import unit
 from flexlink.describe.link import Link
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import OF_THE_DRIVE, Sensor, is_on_base
+from flexlink.describe.tie import open_chain
 from flexlink.dynamics.floating_base import BODY
 from flexlink.dynamics.point_motion import motion_in_body, point_slopes
 from flexlink.dynamics.strain import beam_strain, known_at
@@ -118,6 +119,7 @@ def placement_of(sensor: Sensor, scene: Scene) -> tuple[int, Array, Array]:
     body is the segment at the sensor's position; at a hinge, the outboard segment. Parts that are fixed in frame 0 are
     refused.
     """
+    scene = open_chain(scene)
     chain, arm = lump(scene), scene.arm
     wanted = np.eye(3) if sensor.axis is None else unit("axis", sensor.axis)[None]
     if is_on_base(sensor, arm):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Any, NamedTuple
 
@@ -75,6 +76,12 @@ class MotionTable(NamedTuple):
     first: Indices  # (r + 1,)
     knots: Array  # (pieces,) [s]
     coefficients: Array  # (pieces, 6) [rad / s^j]
+
+
+@functools.cache
+def no_motion() -> MotionTable:
+    """Motion table without joints. All runs share it, since it is never written to."""
+    return MotionTable(np.empty(0, np.int64), np.zeros(1, np.int64), np.empty(0), np.empty((0, 6)))
 
 
 class Loads(NamedTuple):

@@ -29,6 +29,7 @@ from flexlink.kernels.stepping.saturation import (
     choose_branches,
     ends_at_switch,
     first_switch,
+    ranges,
     saturates,
 )
 from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, SO_FAR, STEPPER
@@ -48,29 +49,12 @@ def take_step(t, h, inputs, state, allowed, work):
     """Step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; returns its error [m] and number of iterations."""
 
 
-@inlined
-def free(state, work):
-    """An explicit step has no ties."""
-
-
 @shared
 @entry
 def begin_tied(state, work):
     """Change q̈ (n,) at a start such that it satisfies the ties."""
     shift_rotors(0.0, state[1], work.factors[0], work)
-    accelerate(state, work)
-
-
-@inlined
-def tied(state, work):
-    """As `begin_tied`, if there are ties."""
-    if work.ties is not None:
-        begin_tied(state, work)
-
-
-@by_type({ImplicitWork: tied, EmbeddedWork: free})
-def satisfy(state, work):
-    """Change q̈ (n,) of a state where an input jumps such that the ties of the arm allow it."""
+    accelerate(state, work.stepper[STEPPER.time], work)
 
 
 @entry
@@ -87,7 +71,7 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
     `samples`: times (rows,), q and q̇ (rows, n), W (rows,), and the record of the steps so far (rows, SO_FAR.size).
     """
     absolute, part, long, exact, left, p, duration, smallest, largest = settings
-    stepper, switches = work.stepper, absolute < math.inf and saturates(inputs.drive)
+    stepper, switches = work.stepper, absolute < math.inf and (saturates(inputs.drive) or ranges(work))
     least = 1e-3  # smallest fraction of a long step's tolerance: only a few steps, after a jump, are so short
     for _ in range(most):
         t = stepper[STEPPER.time]
@@ -127,7 +111,7 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
         stepper[STEPPER.time] = end if ends else t + h
         count[COUNT.steps] += 1
         accept(h, state, work)
-        if switches:
+        if switches and saturates(inputs.drive):
             choose_branches(stepper[STEPPER.time], inputs.drive, state[0], state[1], work.springs, work.saturation)
         if left_branch < NEVER:
             begin_anew(stepper[STEPPER.time], inputs, state, tau, forward, work)
@@ -289,7 +273,8 @@ def off_inside(t, h, long_error, inputs, state, knots, count, samples, work):
 def begin_anew(t, inputs, state, tau, forward, work):
     """Restart from the state at time t: evaluate q̈ and the power, and count the restart."""
     begin(t, inputs, state, tau, forward)
-    satisfy(state, work)
+    if work.ties is not None:
+        begin_tied(state, work)
     work.stepper[STEPPER.begun] += 1.0
 
 

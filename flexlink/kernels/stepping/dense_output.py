@@ -10,6 +10,7 @@ import math
 from flexlink.kernels.forward.mass_plus import displacement
 from flexlink.kernels.stepping.embedded import EmbeddedWork, more_stages
 from flexlink.kernels.stepping.implicit_layout import STAGE, ImplicitWork
+from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.stepping.ties import project
 from flexlink.kernels.tools.compiler import by_type, inlined, recursion, subroutine
 
@@ -40,7 +41,8 @@ def on_ties(x, h, state, angles, rates, work):
     """As `of_implicit`, with q and q̇ on the rows of ties."""
     W = of_implicit(x, h, state, angles, rates, work)
     if work.ties is not None:
-        project(angles, rates, work)
+        project(work.stepper[STEPPER.time] + x * h, angles, rates, work)
+        W -= work.ties.stored[1] - work.ties.stored[0]
     return W
 
 

@@ -60,6 +60,7 @@ class EmbeddedWork(NamedTuple):
     springs: Any  # see `error_norm`
     saturation: Any  # see `saturation`
     forces: Any  # force elements; None for a plain chain
+    ties: Any = None  # explicit steps have no ties
 
 
 @recursion
@@ -129,4 +130,4 @@ def error_by(row, h, work):
     for k in range(len(e_q)):
         if work.chain.hinges[k].prescribed:
             e_q[k] = e_v[k] = 0.0
-    return step_error_norm(h, e_q, e_v, work.springs, work.posture, work.chain, work.stepper)
+    return step_error_norm(h, e_q, e_v, work.springs, work.posture, work.chain, work.stepper, work.ties)

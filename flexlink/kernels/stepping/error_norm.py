@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 from flexlink.kernels.forward.mass_plus import displacement, factor, solve
 from flexlink.kernels.forward.mass_plus_cells import FACTORS, add_products, put_couplings
 from flexlink.kernels.stepping.step_state import STEPPER
+from flexlink.kernels.stepping.ties import pull_back
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 
 CLOSER = 1 / 8  # factor from one τ to the next
@@ -45,7 +46,7 @@ class Springs(NamedTuple):
 
 
 @subroutine
-def step_error_norm(h, e_q, e_v, springs, posture, chain, stepper):
+def step_error_norm(h, e_q, e_v, springs, posture, chain, stepper, ties):
     """Error norm [m] of a step of length h with errors e_q of its angles and e_v of its rates (n,).
 
     The scratch is passed in parts, because a call copies its arguments, and the descriptors of a method's whole scratch
@@ -54,7 +55,7 @@ def step_error_norm(h, e_q, e_v, springs, posture, chain, stepper):
     coast = stepper[STEPPER.coast]
     stepper[STEPPER.drift] = stepper[STEPPER.kick] = 0.0
     if coast > 0.0:
-        stepper[STEPPER.drift] = displacement_norm(coast, e_v, springs, posture, chain) / coast
+        stepper[STEPPER.drift] = displacement_norm(coast, e_v, springs, posture, chain, ties) / coast
     longest = max(h, stepper[STEPPER.inverse_ω1])
     at_once = displacement(e_q, posture)
     for k in range(len(e_v)):
@@ -67,7 +68,7 @@ def step_error_norm(h, e_q, e_v, springs, posture, chain, stepper):
     τ, largest = longest, max(at_once, h * free)
     while τ * free > largest and τ > h:
         stepper[STEPPER.weighed] += 1.0
-        largest = max(largest, displacement_norm(τ, e_v, springs, posture, chain))
+        largest = max(largest, displacement_norm(τ, e_v, springs, posture, chain, ties))
         τ *= CLOSER
     for k in range(len(e_v)):
         if springs.impulse[k] != 0.0:
@@ -78,9 +79,11 @@ def step_error_norm(h, e_q, e_v, springs, posture, chain, stepper):
 
 
 @recursion
-def displacement_norm(τ, e_v, springs, posture, chain):
+def displacement_norm(τ, e_v, springs, posture, chain, ties):
     """Largest displacement [m] of a body in a time τ due to errors e_v of the rates."""
     displace(τ, e_v, springs, posture, chain)
+    if ties is not None:
+        pull_back(τ, springs.δ, springs.factors, springs.r, posture, ties)
     return displacement(springs.δ, posture)
 
 

@@ -66,13 +66,14 @@ def implicit_step(t, h, inputs, state, allowed, work):
     q, qd, qdd, done = state
     tolerance, accurate = allowed
     angles, rates = work.vectors[VECTOR.q_middle], work.vectors[VECTOR.qd_middle]
+    accepted = work.stepper[STEPPER.accepted] > 0.0
     predict(h, work)
     for k in range(len(q)):
         angles[k], rates[k] = q[k] + 0.5 * h * qd[k], qd[k]
     follow(inputs.motion, t + 0.5 * h, angles, rates, work.vectors[VECTOR.tau])
     place_bodies(angles, work.posture)
     if work.ties is not None:
-        begin_ties(angles, work)
+        begin_ties(t, h, state, angles, accepted, work)
     if work.forces is not None:
         find_own_slopes(work.forces, angles, rates, work.springs.own)
     by_stage = work.stepper[STEPPER.by_stage] > 0.0
@@ -116,8 +117,10 @@ def implicit_step(t, h, inputs, state, allowed, work):
             prepare_systems(h, rates, by_stage, work)
         before = moved
     add_up_work(h, done, work)
-    if work.ties is not None and not project(work.new[0], work.new[1], work):
-        error = math.nan
+    if work.ties is not None:
+        if not project(t + h, work.new[0], work.new[1], work):
+            error = math.nan
+        work.stepper[STEPPER.work] -= work.ties.stored[1] - work.ties.stored[0]
     return error, iteration
 
 
@@ -206,7 +209,7 @@ def residuals(t, h, inputs, q, qd, work):
         follow(inputs.motion, ti, Q, V, qdd[i])
         work.power[i] = residual(ti, t + 0.5 * h, inputs, Q, V, qdd[i], work.stages[STAGE.residual, i], work)
         if work.ties is not None:
-            pull(i, Q, work.stages[STAGE.residual, i], work)
+            work.power[i] += pull(i, ti, Q, V, work.stages[STAGE.residual, i], work)
 
 
 @inlined
@@ -349,12 +352,12 @@ def damped_error(h, hγ, e_q, e_v, work):
         add_products(0.0, -hγ, work.chain.rare, e_q, r)
     solve(factors, r, y, work.posture)
     if work.ties is not None:
-        keep(e_v, y, work)
+        keep(hγ, e_q, e_v, y, work)
     for k in range(len(r)):
         if work.chain.hinges[k].prescribed:
             e_q[k] = e_v[k] = 0.0
         else:
             e_v[k] += y[k]
             e_q[k] += hγ * e_v[k]
-    error = step_error_norm(h, e_q, e_v, work.springs, work.posture, work.chain, work.stepper)
+    error = step_error_norm(h, e_q, e_v, work.springs, work.posture, work.chain, work.stepper, work.ties)
     return work.stepper[STEPPER.turning] * error if work.turning.count[0] > 0 else error

@@ -1,4 +1,4 @@
-"""Motors at their torque limit: a motor saturates during a whole step or not at all; a step ends where this changes.
+"""Corners: a motor saturates, and a tie touches, during a whole step or not at all; a step ends where this changes.
 
 A torque |u| ≤ E has a kink where its law u reaches E. Neither the polynomial of a step nor its error estimate can
 represent this kink. A step therefore keeps the branch valid at its start, u, E or −E, so it is smooth. Afterwards a
@@ -9,6 +9,9 @@ search finds the fraction x of the step at which u leaves the branch. The torque
 that displaces bodies, in a time τ without the drive, by δ = τ (M + τ D + τ² K)⁻¹ p. The largest δ over the times τ up
 to the duration of the run counts. If it exceeds a small fraction of the tolerance, the step is repeated and ends just
 after x. The gains of a saturated motor are zero in Newton's matrix and in the error norm.
+
+The branches of a tie with a free range (`ties`) are this range and its ends, where it presses; its impulse p acts on
+all joints, by Jᵀ p.
 """
 
 import math
@@ -18,9 +21,11 @@ from flexlink.kernels.inputs.laws import unlimited_torque
 from flexlink.kernels.stepping.dense_output import between
 from flexlink.kernels.stepping.error_norm import CLOSER, thrown
 from flexlink.kernels.stepping.step_state import STEPPER
+from flexlink.kernels.stepping.ties import beyond_law, note_impulses, take_other_laws
 from flexlink.kernels.tools.compiler import entry, inlined, recursion, shared, subroutine
 
 LOOKS = 4  # points checked in a step; a torque that leaves its branch only between two of them has a small error
+OF_TIES = 16  # the same if ties have ranges, whose forces are steep
 NEVER = 2.0  # value of x if no torque leaves its branch in the step
 ROOT_PASSES, ROOT = 30, 1e-6  # passes of regula falsi; accuracy of x
 
@@ -44,6 +49,14 @@ def saturates(drive):
     for d in range(len(drive.joints)):
         least = min(least, drive.effort[d])
     return drive.rate == 0.0 and least < math.inf
+
+
+@inlined
+def ranges(work):
+    """Whether ties may begin or cease to touch within a step."""
+    if work.ties is not None:
+        return work.ties.ranges[0] > 0
+    return False
 
 
 @shared
@@ -82,6 +95,10 @@ def beyond(x, t, h, drive, state, work):
     """The largest distance of a torque beyond its branch at the fraction x of the step [N m]; writes all to `off`."""
     now, largest = work.saturation, -math.inf
     between(x, h, state, now.angles, now.rates, work)
+    if work.ties is not None:
+        largest = beyond_law(t + x * h, now.angles, now.rates, work)
+        if not saturates(drive):
+            return largest
     unlimited_torque(drive, t + x * h, t + 0.5 * h, now.angles, now.rates, now.torque)
     for d in range(len(drive.joints)):
         k, E = drive.joints[d], drive.effort[d]
@@ -99,11 +116,11 @@ def beyond(x, t, h, drive, state, work):
 def first_switch(t, h, drive, state, work):
     """Fraction x of the step just taken at which a torque first leaves its branch; `NEVER` if none does."""
     a, f_a = 0.0, min(0.0, beyond(0.0, t, h, drive, state, work))
-    b, f_b, look = 0.0, f_a, 0
-    while f_b <= 0.0 and look < LOOKS:
+    b, f_b, look, looks = 0.0, f_a, 0, OF_TIES if ranges(work) else LOOKS
+    while f_b <= 0.0 and look < looks:
         look += 1
         a, f_a = b, f_b
-        b = look / LOOKS
+        b = look / looks
         f_b = beyond(b, t, h, drive, state, work)
     if not f_b > 0.0:
         return NEVER
@@ -123,16 +140,23 @@ def first_switch(t, h, drive, state, work):
 @subroutine
 def thrown_by(x, t, h, longest, drive, state, work):
     """Largest displacement [m] of a body, in any time up to `longest`, due to torque errors after the fraction x."""
-    springs, now = work.springs, work.saturation
+    springs, now, looks = work.springs, work.saturation, OF_TIES if ranges(work) else LOOKS
     for k in range(len(now.impulse)):
         now.impulse[k] = 0.0
-    for look in range(LOOKS, 0, -1):
-        if look > x * LOOKS:
-            beyond(look / LOOKS, t, h, drive, state, work)
-            for k in drive.joints:
-                now.impulse[k] = max(now.impulse[k], (1.0 - x) * h * now.off[k])
-    for k in drive.joints:
-        springs.kp[k] = springs.kd[k] = 0.0
+    for look in range(looks, 0, -1):
+        if look > x * looks:
+            beyond(look / looks, t, h, drive, state, work)
+            if work.ties is not None:
+                note_impulses((1.0 - x) * h, look == looks, now.angles, work.ties)
+            if saturates(drive):
+                for k in drive.joints:
+                    now.impulse[k] = max(now.impulse[k], (1.0 - x) * h * now.off[k])
+    if work.ties is not None:
+        for k in range(len(now.impulse)):
+            now.impulse[k] += now.angles[k]
+    if saturates(drive):
+        for k in drive.joints:
+            springs.kp[k] = springs.kd[k] = 0.0
     τ, largest = longest, 0.0
     while τ > h or τ == longest:
         for k in range(len(now.impulse)):
@@ -154,5 +178,8 @@ def ends_at_switch(x, t, h, shortest, longest, allowed, drive, state, work):
     work.stepper[STEPPER.switch] = t + again
     if again <= shortest:
         work.stepper[STEPPER.switch] = 0.0
-        follow_limits(drive, work.springs, work.saturation)
+        if saturates(drive):
+            follow_limits(drive, work.springs, work.saturation)
+        if work.ties is not None:
+            take_other_laws(t, work.ties)
     return True

@@ -1,26 +1,40 @@
-"""Ties: rows g(q) = 0 that close loops, each with a multiplier λ, in the stages of an implicit step; O(n) for each row.
+"""Ties: rows g(q, t), each with a multiplier λ, in the stages of an implicit step; O(n) for each row.
 
-    M q̈ + h(q, q̇) + Jᵀ λ = τ        J = ∂g/∂q
+    M q̈ + h(q, q̇) + Jᵀ λ = τ        J = ∂g/∂q,  ġ = J q̇ + ∂g/∂t
 
-    POINT      g = u · (p_a − p_b)       along a direction u of frame 0, for points of two bodies, or of one and frame 0
-    DISTANCE   g = |p_a − p_b| − l       a rod
+    POINT      g = u · (p_a − p_b)       along a direction u of body b, or of frame 0
+    DISTANCE   g = |p_a − p_b| − l(t)    a rod, a cable, a cylinder
+    JOINT      g = q_a                   a coordinate
 
-All stages satisfy g = 0 (index 3). In the coordinates of `newton`, one system for each eigenvalue, with z = hλ_A for an
-eigenvalue λ_A of the method's A, each system gets the rows as a border:
+The law of a row gives λ. A row is held, or a spring with damper; with a free range, low < g < high, it is a spring
+beyond the range, whose losses grow with the depth δ (Hunt & Crossley 1975):
 
-    (M + A_z) x + Jᵀ μ = (T⁻¹ R)        z² J x = −(T⁻¹ g)
-    Y = (M + A_z)⁻¹ Jᵀ,  S = J Y:       S μ = J x⁰ + (T⁻¹ g) / z²,  x = x⁰ − Y μ        x⁰: without ties
-    λ_i ← λ_i + Σ T_iz μ_z
+    held       g = 0
+    spring     λ = k g + d ġ
+    range      λ = k δ (1 + c |ġ|)       δ = g − high > 0 or g − low < 0, ġ > 0 deeper; else λ = 0
 
-Redundant rows, which depend on others at the posture in the middle of the step, get no change of their multipliers.
+A step keeps the law that is valid at its start, so it is smooth, and ends where this changes (`saturation`).
+
+All stages satisfy the law (index 3 for held rows). In the coordinates of `newton`, one system for each eigenvalue, with
+z = hλ_A for an eigenvalue λ_A of the method's A, each system gets the rows as a border:
+
+    (M + A_z) x + Jᵀ μ = (T⁻¹ R)         Y = (M + A_z)⁻¹ Jᵀ,  S = J Y
+    held       z² J x = −(T⁻¹ g)                                 S μ = J x⁰ + (T⁻¹ g) / z²      x⁰: without ties
+    spring     μ = (T⁻¹ (λ(g) − λ)) + (k z² + d z) J x      (S + C) μ = J x⁰ + C (T⁻¹ (λ(g) − λ)),  C = 1 / (k z² + d z)
+    x = x⁰ − Y μ,  λ_i ← λ_i + Σ T_iz μ_z
+
+Held rows that depend on others at the posture in the middle of the step are redundant: their multipliers do not change.
 
 What the iteration leaves of g would have to be undone within the next step, by q̈ of the order g / h², and of J q̇ an
 error of h³ would remain. Therefore both are removed after every step and in every sample, in the metric of the step, in
 which stiff vibrations stay quiet:
 
-    q ← q − Y S⁻¹ g        q̇ ← q̇ − Y S⁻¹ J q̇
+    q ← q − Y S⁻¹ g        q̇ ← q̇ − Y S⁻¹ ġ
 
-The error of a step keeps J e = 0, and q̈ at a start satisfies J q̈ + J̇ q̇ = 0.
+The error of a step keeps J e = 0, and q̈ at a start satisfies g̈ = 0; springs enter both with k and d. The work of all
+forces contains the energy stored in the springs, ½ k δ², as a function of q, so that it is exact:
+
+    W = −∫ λ ∂g/∂t + (λ − k δ) ġ dt − Σ ½ k δ²        (without λ ∂g/∂t only for l = const)
 """
 
 import math
@@ -30,18 +44,22 @@ import numpy as np
 
 from flexlink.kernels.forward.mass_plus import factor, place_bodies, solve
 from flexlink.kernels.geometry.kinematics import add_slope, kinematics
+from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.stepping.implicit_layout import VECTOR
 from flexlink.kernels.tools.compiler import entry, inlined, recursion, shared, subroutine
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.vec3 import add, apply, dot, scale, sub, vector
 
-KIND = numbered("point distance")
+KIND = numbered("point distance joint")
 TIE = np.dtype(
     [
-        ("kind", np.int64), ("a", np.int64), ("b", np.int64),  # bodies; −1: frame 0
+        ("kind", np.int64), ("a", np.int64), ("b", np.int64),  # bodies; −1: frame 0; or the number of a coordinate
         ("point_a", np.float64, (3,)), ("point_b", np.float64, (3,)),  # in axes of the bodies [m]
-        ("along", np.float64, (3,)),  # u
-        ("length", np.float64),  # l [m]
+        ("along", np.float64, (3,)),  # u in axes of body b
+        ("length", np.float64),  # l, if constant [m]
+        ("stiffness", np.float64), ("damping", np.float64),  # k, inf: held [N/m, N m/rad]; d [N s/m, N m s/rad]
+        ("low", np.float64), ("high", np.float64),  # free range [m, rad]; equal: none
+        ("dissipation", np.float64),  # c [s/m, s/rad]
     ],
     align=True,
 )  # fmt: skip
@@ -52,6 +70,9 @@ CLOSED = 1e-14
 OPEN = 1e-10
 """Largest |g| after a step, relative to the size; a step that leaves more is refused: its posture is singular."""
 TIMES = 8  # corrections of q after a step; one is enough if the step is accurate
+SOFTEST = 0.05  # smallest slope ∂λ/∂g of a range, relative to k, in Newton's matrix
+LAW = numbered("free held spring high low")
+"""Law of a row in a step; high, low: at this end of its range. From `spring` on, laws have a spring."""
 
 
 class Ties(NamedTuple):
@@ -63,13 +84,23 @@ class Ties(NamedTuple):
 
     rows: Any  # (r,) TIE
     size: Any  # (1,) of the arm [m]
-    placed: Any  # results of `kinematics`
+    ranges: Any  # (1,) number of rows with a free range
+    lengths: Any  # l(t) of rows whose length moves, as of prescribed joints
+    moved: Any  # (3, r) l, l̇, l̈ of these rows; 0: others
+    law: Any  # (r,) LAW of each row in this step
+    left: Any  # (r,) start of a step that takes another law, as the row leaves its own at once [s]; nan: none
     λ: Any  # (s, r) multipliers of the stages
-    gap: Any  # (s, r)
+    last: Any  # (s, r) the same of the last accepted step
+    gap: Any  # (s, r) g of held rows, λ(g) − λ of others
+    slope: Any  # (2, r) ∂λ/∂g and ∂λ/∂ġ, means of the stages
+    stored: Any  # (2,) ½ k δ² of all rows at the start of the step, and at the last state [J]
+    off: Any  # (2, r) how far λ is beyond its law [N], and its impulse in the rest of the step [N s]
+    placed: Any  # results of `kinematics`
     J: Any  # (r, n)
     middle: Any  # (r, n) J at the middle of the step
     real: Any
     pairs: Any
+    again: Any  # the same as `real` for one other matrix
     used: Any  # (r,)
 
 
@@ -82,42 +113,167 @@ def place(body, point, placed):
 
 @shared
 @entry
-def find_rows(chain, rows, q, placed, g, J):
-    """Write g (r,) and J (r, n) at angles q; `placed` is scratch."""
+def find_rows(chain, rows, length, q, placed, g, J):
+    """Write g (r,) and J (r, n) at angles q; `length` (r,) is l where it moves, and `placed` is scratch."""
     kinematics(chain, q, placed)
     for k in range(len(rows)):
         row = rows[k]
         for j in range(len(q)):
             J[k, j] = 0.0
+        if row.kind == KIND.joint:
+            g[k], J[k, row.a] = q[row.a], 1.0
+            continue
         a, b = place(row.a, row.point_a, placed), place(row.b, row.point_b, placed)
-        apart, u = sub(a, b), vector(row.along)
+        apart, with_b = sub(a, b), b
         if row.kind == KIND.distance:
             far = math.sqrt(dot(apart, apart))
             u = scale(1.0 / far, apart)
-        g[k] = dot(u, apart) - row.length
+        else:
+            u, with_b = vector(row.along), a  # u turns with body b, as does its point at a
+            if row.b >= 0:
+                u = apply(placed.rotations[row.b], u)
+        g[k] = dot(u, apart) - row.length - length[k]
         add_slope(chain, placed, row.a, a, u, J[k])
-        add_slope(chain, placed, row.b, b, scale(-1.0, u), J[k])
+        add_slope(chain, placed, row.b, with_b, scale(-1.0, u), J[k])
 
 
 @inlined
-def begin_ties(q, work):
-    """Find J at the middle of the step; the stages begin with their last multipliers, if these are numbers."""
-    ties = work.ties
-    find_rows(work.chain, ties.rows, q, ties.placed, ties.gap[0], ties.middle)
-    for i in range(len(ties.λ)):
-        for k in range(len(ties.rows)):
-            if not math.isfinite(ties.λ[i, k]):
-                ties.λ[i, k] = 0.0
+def find_at(t, q, g, ties, chain):
+    """Write g and J at time t, and l(t) with its derivatives to `moved`."""
+    follow(ties.lengths, t, ties.moved[0], ties.moved[1], ties.moved[2])
+    find_rows(chain, ties.rows, ties.moved[0], q, ties.placed, g, ties.J)
 
 
 @inlined
-def pull(i, q, R, work):
-    """Subtract Jᵀ λ from the residual R (n,) of stage i, and note its gaps."""
-    ties = work.ties
-    find_rows(work.chain, ties.rows, q, ties.placed, ties.gap[i], ties.J)
+def rate(k, qd, ties):
+    """ġ of row k."""
+    v = -ties.moved[1, k]
+    for j in range(len(qd)):
+        v += ties.J[k, j] * qd[j]
+    return v
+
+
+@inlined
+def pressed(row, side, g, v):
+    """λ of a range beyond its high end, side 1, or its low end, side −1: ≥ 0 if it presses; continued before that."""
+    depth = side * (g - (row.high if side > 0.0 else row.low))
+    return row.stiffness * depth * (1.0 + row.dissipation * side * v if depth > 0.0 else 1.0)
+
+
+@inlined
+def is_held(row):
+    """Whether a row is held, without a spring."""
+    return row.stiffness == math.inf
+
+
+@recursion
+def law_of(row, g, v):
+    """LAW that is valid at g and ġ."""
+    if is_held(row):
+        return LAW.held
+    if row.low == row.high:
+        return LAW.spring
+    if row.high < math.inf and pressed(row, 1.0, g, v) > 0.0:
+        return LAW.high
+    if row.low > -math.inf and pressed(row, -1.0, g, v) > 0.0:
+        return LAW.low
+    return LAW.free
+
+
+@recursion
+def other_law(row, law, g):
+    """The law that a row takes instead: free, or the nearer end of its range."""
+    if law != LAW.free:
+        return LAW.free
+    return LAW.high if row.high - g < g - row.low else LAW.low
+
+
+@inlined
+def stretch(row, law, g):
+    """δ of a row by a law, without regard to its validity; 0 if the law has no spring."""
+    if law < LAW.spring:
+        return 0.0
+    return g - (row.low if law == LAW.low else row.high)
+
+
+@recursion
+def multiplier(row, law, g, v):
+    """λ of a row with a spring by a law, without regard to its validity; ∂λ/∂g and ∂λ/∂ġ."""
+    k, d, c, δ = row.stiffness, row.damping, row.dissipation, stretch(row, law, g)
+    if law == LAW.spring:
+        return k * δ + d * v, k, d
+    if law == LAW.free:
+        return 0.0, 0.0, 0.0
+    side = 1.0 if law == LAW.high else -1.0
+    grown = 1.0 + c * side * v
+    return k * δ * grown, k * max(SOFTEST, grown), max(0.0, k * c * side * δ)
+
+
+@shared
+@entry
+def spring_forces(rows, g, v, λ):
+    """Write λ (r,) of all springs at g and ġ (r,); 0 for rows that are held."""
+    for k in range(len(rows)):
+        λ[k] = 0.0
+        if not is_held(rows[k]):
+            λ[k], _, _ = multiplier(rows[k], law_of(rows[k], g[k], v[k]), g[k], v[k])
+
+
+@recursion
+def energy(g, ties):
+    """Energy stored in all springs by the laws of the step [J]."""
+    E = 0.0
+    for k in range(len(ties.rows)):
+        δ = stretch(ties.rows[k], ties.law[k], g[k])
+        if δ != 0.0:
+            E += 0.5 * ties.rows[k].stiffness * δ * δ
+    return E
+
+
+@subroutine
+def begin_ties(t, h, state, middle, accepted, work):
+    """Find the laws at the start of the step and J in its middle; the stages begin with their last multipliers.
+
+    `accepted`: whether the last multipliers belong to an accepted step; if not, those of the step before return.
+    """
+    ties, q, qd = work.ties, state[0], state[1]
+    g = ties.gap[0]
+    find_at(t, q, g, ties, work.chain)
+    for k in range(len(ties.rows)):
+        row = ties.rows[k]
+        law = law_of(row, g[k], rate(k, qd, ties))
+        ties.law[k] = other_law(row, law, g[k]) if ties.left[k] == t else law
+        for i in range(len(ties.λ)):
+            if accepted:
+                ties.last[i, k] = ties.λ[i, k]
+            ties.λ[i, k] = 0.0 if ties.law[k] == LAW.free else ties.last[i, k]
+    ties.stored[0] = energy(g, ties)
+    find_at(t + 0.5 * h, middle, g, ties, work.chain)
     for k in range(len(ties.rows)):
         for j in range(len(q)):
-            R[j] -= ties.J[k, j] * ties.λ[i, k]
+            ties.middle[k, j] = ties.J[k, j]
+
+
+@inlined
+def pull(i, t, q, qd, R, work):
+    """Subtract Jᵀ λ from the residual R (n,) of stage i, and note its gaps; returns the power beside ½ k δ²."""
+    ties, power, s = work.ties, 0.0, len(work.ties.λ)
+    find_at(t, q, ties.gap[i], ties, work.chain)
+    for k in range(len(ties.rows)):
+        λ, row = ties.λ[i, k], ties.rows[k]
+        for j in range(len(q)):
+            R[j] -= ties.J[k, j] * λ
+        if i == 0:
+            ties.slope[0, k] = ties.slope[1, k] = 0.0
+        if ties.law[k] != LAW.held:
+            g, v = ties.gap[i, k], rate(k, qd, ties)
+            by_law, of_g, of_v = multiplier(row, ties.law[k], g, v)
+            ties.gap[i, k] = by_law - λ
+            ties.slope[0, k] += of_g / s
+            ties.slope[1, k] += of_v / s
+            power -= (by_law - row.stiffness * stretch(row, ties.law[k], g)) * v
+        power -= λ * ties.moved[1, k]
+    return power
 
 
 @recursion
@@ -143,6 +299,31 @@ def answer_ties(work):
         answer(ties.middle, work.factors[m], ties.real, m, work.vectors[VECTOR.rhs], work.posture)
     for m in range(len(work.method.pairs)):
         answer(ties.middle, work.factors_pairs[m], ties.pairs, m, work.pairs[0], work.posture)
+
+
+@inlined
+def yielding(k, z, ties):
+    """C of row k, whose law has a spring."""
+    return 1.0 / (z * (ties.slope[0, k] * z + ties.slope[1, k]))
+
+
+@recursion
+def put_row(k, b, C, S, A, ties, held):
+    """Write row k of the small system (S + C) μ = b to A (r, r + 1); free rows, and with `held` springs, are 0.
+
+    The row of a spring is scaled to the pivot of a held row, since a soft spring would make held rows look redundant.
+    """
+    r = len(S)
+    for l in range(r + 1):
+        A[k, l] = 0.0 * b
+    if ties.law[k] != LAW.held and (held or ties.law[k] == LAW.free):
+        return
+    weight = S[k, k] / (S[k, k] + C) if C != 0.0 else 1.0 + 0.0 * b
+    for l in range(r):
+        if ties.law[l] == LAW.held or not (held or ties.law[l] == LAW.free):
+            A[k, l] = weight * S[k, l]
+    A[k, k] += weight * C
+    A[k, r] = weight * b
 
 
 @recursion
@@ -174,19 +355,21 @@ def solve_small(A, used):
 
 @recursion
 def hold(z, m, twice, T, Tinv, x, answers, ties):
-    """Move x (n,), the solution for eigenvalue m without ties, onto the rows, and update the stages' multipliers."""
+    """Move x (n,), the solution for eigenvalue m without ties, by the ties, and update the stages' multipliers."""
     J, Y, S, A = ties.middle, answers[0][m], answers[1][m], answers[2]
     r, s = len(J), len(ties.λ)
     for k in range(r):
-        wrong = 0.0 * z
+        off, moved, C = 0.0 * z, 0.0 * z, 0.0 * z
         for i in range(s):
-            wrong += Tinv[m, i] * ties.gap[i, k]
-        wrong /= z * z
+            off += Tinv[m, i] * ties.gap[i, k]
         for j in range(len(x)):
-            wrong += J[k, j] * x[j]
-        for l in range(r):
-            A[k, l] = S[k, l]
-        A[k, r] = wrong
+            moved += J[k, j] * x[j]
+        if ties.law[k] == LAW.held:
+            off /= z * z
+        elif ties.law[k] != LAW.free:
+            C = yielding(k, z, ties)
+            off *= C
+        put_row(k, moved + off, C, S, A, ties, False)
     solve_small(A, ties.used)
     for k in range(r):
         for j in range(len(x)):
@@ -196,42 +379,44 @@ def hold(z, m, twice, T, Tinv, x, answers, ties):
 
 
 @subroutine
-def project(q, qd, work):
-    """Put q and q̇ (n,) onto the rows, in the metric of the step; returns whether all rows are closed.
+def project(t, q, qd, work):
+    """Put q and q̇ (n,) onto the held rows at time t, in the metric of the step; returns whether all are closed.
 
-    The posture of the workspace is then that of q.
+    If any row is held, the posture of the workspace is then that of q.
     """
-    ties, r = work.ties, len(work.ties.rows)
-    J, factors = ties.J, work.factors[0]
-    place_bodies(q, work.posture)
-    factor(factors, work.posture)
+    ties, r, held = work.ties, len(work.ties.rows), 0
+    g, factors = ties.gap[0], work.factors[0]
+    for k in range(r):
+        held += ties.law[k] == LAW.held
+    if held > 0:
+        place_bodies(q, work.posture)
+        factor(factors, work.posture)
     before = off = math.inf
     for again in range(TIMES):
-        find_rows(work.chain, ties.rows, q, ties.placed, ties.gap[0], J)
+        find_at(t, q, g, ties, work.chain)
         off = 0.0
         for k in range(r):
-            off = max(off, abs(ties.gap[0, k]))
-        if again > 0 and (off <= CLOSED * ties.size[0] or off >= before):
+            if ties.law[k] == LAW.held:
+                off = max(off, abs(g[k]))
+        if held == 0 or (again > 0 and (off <= CLOSED * ties.size[0] or off >= before)):
             break
-        answer(J, factors, ties.real, 0, work.vectors[VECTOR.rhs], work.posture)
-        move_by(ties.gap[0], q, ties)
+        answer(ties.J, factors, ties.real, 0, work.vectors[VECTOR.rhs], work.posture)
+        move_by(g, q, ties)
         before = off
-    for k in range(r):
-        ties.gap[0, k] = 0.0
-        for j in range(len(qd)):
-            ties.gap[0, k] += J[k, j] * qd[j]
-    move_by(ties.gap[0], qd, ties)
+    ties.stored[1] = energy(g, ties)
+    if held > 0:
+        for k in range(r):
+            g[k] = rate(k, qd, ties)
+        move_by(g, qd, ties)
     return off <= OPEN * ties.size[0]
 
 
 @recursion
 def move_by(g, q, ties):
-    """q ← q − Y S⁻¹ g, with the answers for the first real eigenvalue."""
+    """q ← q − Y S⁻¹ g over all held rows, with the answers for the first real eigenvalue."""
     Y, S, A, r = ties.real[0][0], ties.real[1][0], ties.real[2], len(g)
     for k in range(r):
-        for l in range(r):
-            A[k, l] = S[k, l]
-        A[k, r] = g[k]
+        put_row(k, g[k], 0.0, S, A, ties, True)
     solve_small(A, ties.used)
     for k in range(r):
         for j in range(len(q)):
@@ -239,46 +424,119 @@ def move_by(g, q, ties):
 
 
 @recursion
-def keep(e_v, y, work):
-    """Change y (n,) such that J (e_v + y) = 0 at the middle of the step."""
+def keep(z, e_q, e_v, y, work):
+    """Change y (n,) such that J (e_v + y) = 0 at the middle of the step; springs resist e_q and e_v by their slopes."""
     ties = work.ties
-    J, g = ties.middle, ties.gap[0]
+    J, Y, S, A, r = ties.middle, ties.real[0][0], ties.real[1][0], ties.real[2], len(ties.rows)
     if len(work.turning.dry) > 0:  # the factors have changed
         answer(J, work.factors[0], ties.real, 0, work.vectors[VECTOR.tau], work.posture)
-    for k in range(len(J)):
-        g[k] = 0.0
+    for k in range(r):
+        b, C = 0.0, 0.0
         for j in range(len(y)):
-            g[k] += J[k, j] * (e_v[j] + y[j])
-    move_by(g, y, ties)
+            b += J[k, j] * (e_v[j] + y[j])
+        if ties.law[k] >= LAW.spring:
+            C = yielding(k, z, ties)
+            for j in range(len(y)):
+                b += C * z * ties.slope[0, k] * J[k, j] * e_q[j]
+        put_row(k, b, C, S, A, ties, False)
+    solve_small(A, ties.used)
+    for k in range(r):
+        for j in range(len(y)):
+            y[j] -= A[k, r] * Y[k, j]
 
 
 @recursion
-def accelerate(state, work):
-    """Change q̈ at a start such that J q̈ + J̇ q̇ = 0 and M q̈ changes by Jᵀ μ alone; the first factors contain rotors.
+def pull_back(τ, δ, factors, r, posture, ties):
+    """Change a displacement δ (n,) in a time τ without ties, whose matrix has these factors, to that with ties."""
+    answer(ties.middle, factors, ties.again, 0, r, posture)
+    Y, S, A = ties.again[0][0], ties.again[1][0], ties.again[2]
+    for k in range(len(S)):
+        moved, C = 0.0, 0.0
+        for j in range(len(δ)):
+            moved += ties.middle[k, j] * δ[j]
+        if ties.law[k] >= LAW.spring:
+            C = yielding(k, τ, ties)
+        put_row(k, moved, C, S, A, ties, False)
+    solve_small(A, ties.used)
+    for k in range(len(S)):
+        for j in range(len(δ)):
+            δ[j] -= A[k, len(S)] * Y[k, j]
+
+
+@recursion
+def accelerate(state, t, work):
+    """Change q̈ at a start such that g̈ = 0 for held rows, by Jᵀ μ alone, and add the springs; factors contain rotors.
 
     J̇ q̇ is a central difference along q̇, of a relative error of 1e-9, since q̈ at a start serves the error estimate only.
     """
     q, qd, qdd = state[0], state[1], state[2]
     ties, n, r, x = work.ties, len(state[0]), len(work.ties.rows), work.vectors[VECTOR.solution]
-    fastest = 0.0
+    fastest, g, near, Y = 0.0, ties.gap[0], ties.off[0], ties.real[0][0]
     for k in range(n):
         fastest = max(fastest, abs(qd[k]))
     place_bodies(q, work.posture)
     factor(work.factors[0], work.posture)
-    g, nudge = ties.gap[0], 1e-5 / max(fastest, 1e-300)
+    nudge = 1e-5 / max(fastest, 1e-300)
     for k in range(r):
         g[k] = 0.0
     for side in range(2):
         sign = 1.0 - 2.0 * side
         for k in range(n):
             x[k] = q[k] + sign * nudge * qd[k]
-        find_rows(work.chain, ties.rows, x, ties.placed, ties.gap[-1], ties.J)
+        find_at(t, x, near, ties, work.chain)
         for k in range(r):
             for j in range(n):
                 g[k] += sign * ties.J[k, j] * qd[j] / (2.0 * nudge)
-    find_rows(work.chain, ties.rows, q, ties.placed, ties.gap[-1], ties.J)
+    find_at(t, q, near, ties, work.chain)
     answer(ties.J, work.factors[0], ties.real, 0, work.vectors[VECTOR.rhs], work.posture)
     for k in range(r):
+        ties.law[k] = LAW.held if is_held(ties.rows[k]) else LAW.free  # all that `move_by` needs to know
+        ties.off[1, k] = rate(k, qd, ties)
+    spring_forces(ties.rows, near, ties.off[1], ties.slope[0])
+    for k in range(r):
+        for j in range(n):
+            qdd[j] -= ties.slope[0, k] * Y[k, j]
+    for k in range(r):
+        g[k] -= ties.moved[2, k]
         for j in range(n):
             g[k] += ties.J[k, j] * qdd[j]
     move_by(g, qdd, ties)
+
+
+@recursion
+def beyond_law(t, q, qd, work):
+    """How far the multiplier that is farthest beyond its law is beyond it [N], at a state of the step just taken."""
+    ties, largest = work.ties, -math.inf
+    find_at(t, q, ties.gap[0], ties, work.chain)
+    for k in range(len(ties.rows)):
+        row, law, off = ties.rows[k], ties.law[k], -math.inf
+        g, v = ties.gap[0, k], rate(k, qd, ties)
+        if law == LAW.high:
+            off = -pressed(row, 1.0, g, v)
+        elif law == LAW.low:
+            off = -pressed(row, -1.0, g, v)
+        elif law == LAW.free:
+            off = pressed(row, 1.0, g, v) if row.high < math.inf else -math.inf
+            off = max(off, pressed(row, -1.0, g, v)) if row.low > -math.inf else off
+        ties.off[0, k] = off
+        largest = max(largest, off)
+    return largest
+
+
+@recursion
+def note_impulses(left, first, sums, ties):
+    """Note the largest impulse of each row beyond its law in the time `left` [s]; `sums` (n,) gets Jᵀ p."""
+    for k in range(len(ties.rows)):
+        ties.off[1, k] = max(0.0 if first else ties.off[1, k], left * ties.off[0, k])
+    for j in range(len(sums)):
+        sums[j] = 0.0
+        for k in range(len(ties.rows)):
+            sums[j] += ties.J[k, j] * ties.off[1, k]
+
+
+@recursion
+def take_other_laws(t, ties):
+    """Let rows that leave their law at once, as their impulses show, take another one in the step from time t on."""
+    for k in range(len(ties.rows)):
+        if ties.off[1, k] > 0.0:
+            ties.left[k] = t

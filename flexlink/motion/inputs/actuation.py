@@ -12,10 +12,11 @@ from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame, PrescribedMotion
 from flexlink.describe.joint_units import in_si
+from flexlink.describe.profiles import quintics
 from flexlink.describe.scene import Scene
 from flexlink.kernels.geometry.branches import loaded_body, path_to
 from flexlink.kernels.inputs.laws import PD, TABLE
-from flexlink.kernels.inputs.record import Drive, GivenWrench, Inputs, Loads, MotionTable, given_at
+from flexlink.kernels.inputs.record import Drive, GivenWrench, Inputs, Loads, MotionTable, given_at, no_motion
 from flexlink.motion.inputs.drives import drive_arrays, gains_of, no_model
 from flexlink.motion.inputs.references import held_knots, pieces_of
 
@@ -96,23 +97,11 @@ def motion_arrays(scene: Scene, chain: Chain) -> MotionTable:
     return MotionTable(np.array(joints, dtype=np.int64), first, np.concatenate(knots), np.concatenate(pieces))
 
 
-@functools.cache
-def no_motion() -> MotionTable:
-    """Motion table without joints. All runs share it, since it is never written to."""
-    return MotionTable(np.empty(0, np.int64), np.zeros(1, np.int64), np.empty(0), np.empty((0, 6)))
-
-
 @functools.lru_cache(maxsize=64)
 def _pieces(motion: PrescribedMotion) -> Array:
     """Quintic Hermite pieces, followed by a piece with the final rate; cached for all models of a scene."""
     columns = [in_si([motion.slides], np.array(column)[:, None])[:, 0] for column in motion.columns]
-    pieces = np.zeros((len(motion.times), 6))
-    if len(motion.times) > 1:
-        from scipy.interpolate import BPoly, PPoly  # noqa: PLC0415  0.1 s that few scenes need
-
-        quintic = PPoly.from_bernstein_basis(BPoly.from_derivatives(motion.times, np.column_stack(columns)))
-        pieces[:-1] = quintic.c[::-1].T
-    pieces[-1, 0], pieces[-1, 1] = columns[0][-1], columns[1][-1]
+    pieces = quintics(motion.times, np.column_stack(columns))
     pieces.flags.writeable = False
     return pieces
 

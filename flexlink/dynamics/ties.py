@@ -1,0 +1,218 @@
+"""Ties of a scene as rows of the chain, initial states in which they are closed, and their forces."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import Diagnostic, SceneError
+from flexlink.common.types import Array, Indices
+from flexlink.describe.directions import unit
+from flexlink.describe.joint_units import in_si
+from flexlink.describe.profiles import rest_to_rest
+from flexlink.describe.run_settings import AUTO
+from flexlink.describe.scene import Scene
+from flexlink.describe.schemes.methods import method
+from flexlink.describe.sensor import Sensor
+from flexlink.describe.tie import OF_JOINT, Tie, TieEnd, open_chain, refuse_ties
+from flexlink.dynamics.result import read_only
+from flexlink.dynamics.terms import mass_matrix
+from flexlink.kernels.geometry.kinematics import kinematics_workspace
+from flexlink.kernels.inputs.drive_torque import follow
+from flexlink.kernels.inputs.record import MotionTable, no_motion
+from flexlink.kernels.stepping.ties import KIND, TIE, find_rows, spring_forces
+
+Rows = NDArray[np.void]
+Ties = tuple[Rows, MotionTable]
+"""Rows, and the lengths that move."""
+CLOSED = 1e-9
+"""Largest gap of a tie at the start, relative to the size of the arm, that rounding of its numbers explains."""
+PASSES = 50  # Newton steps to close the ties at the start
+ROUNDED = 1e-3
+"""Motion of a joint [rad, m] that explains a start with few digits; only larger ones are worth a warning."""
+
+
+def tie_rows(scene: Scene, chain: Chain) -> Ties | None:
+    """The rows of all ties of a scene on its open chain, and the lengths that move; None if it has no ties.
+
+    Raises
+    ------
+    SceneError
+        The scene contains something that ties do not allow, or a tie is on a part that is fixed in frame 0.
+    """
+    if not scene.tie:
+        return None
+    for there, what in (
+        (scene.motion, "[[motion]]"),
+        ("loads" in scene.run.outputs, "run.outputs = ['loads']"),
+        (scene.initial.passive == "static", "initial.passive = 'static'"),
+        (scene.drive.kind == "computed_torque", "drive.kind = 'computed_torque'"),
+        (scene.drive.gravity != "none", f"drive.gravity = {scene.drive.gravity!r}"),
+    ):
+        if there:
+            refuse_ties(scene.tie, f"{what} and ties together are not supported")
+    name, opened = scene.run.method, open_chain(scene)
+    rule = None if name == AUTO else method(name)
+    if rule is not None and (rule.explicit or not len(rule.modes.real)):
+        text = f"run.method = {name!r}: cannot hold tie {scene.tie[0].name!r}; use 'auto', 'Radau5' or 'Radau9'"
+        raise SceneError(text, id="method-with-ties")
+    ranged = next((tie.name for tie in scene.tie if tie.has_range), None)
+    if ranged is not None and not scene.run.controlled:
+        text = f"run.step = {scene.run.step!r}: tie {ranged!r} needs steps that end where it presses; use run.tolerance"
+        raise SceneError(text, id="step-with-ties")
+    rows = [_rows_of(tie, opened, chain) for tie in scene.tie]
+    first = np.cumsum([0, *map(len, rows)])
+    driven = [k for k, tie in enumerate(scene.tie) if tie.times]
+    return np.concatenate(rows).view(np.recarray), _lengths([scene.tie[k] for k in driven], first[driven])
+
+
+def _lengths(ties: list[Tie], rows: Indices) -> MotionTable:
+    """The lengths that move, as motions of these rows."""
+    if not ties:
+        return no_motion()
+    pieces = [rest_to_rest(tie.times or (), tie.lengths or ()) for tie in ties]
+    first = np.cumsum([0, *map(len, pieces)], dtype=np.int64)
+    return MotionTable(rows, first, np.concatenate([tie.times or () for tie in ties]), np.concatenate(pieces))
+
+
+def _rows_of(tie: Tie, scene: Scene, chain: Chain) -> Rows:
+    """The rows of one tie: a hinge is two points on its axis, whose sixth row is redundant."""
+    number = {"distance": 1, "joint": 1, "stop": 1, "slider": 2, "hinge": 6}
+    rows = np.zeros(1 if tie.kind == "point" and tie.to.axis else number.get(tie.kind, 3), TIE)
+    rows["stiffness"], rows["damping"] = np.inf if tie.stiffness is None else tie.stiffness, tie.damping
+    rows["low"], rows["high"] = tie.range
+    rows["dissipation"], rows["length"] = tie.dissipation, tie.length or 0.0
+    if tie.kind in OF_JOINT:
+        k = scene.arm.number(tie.link or 0)
+        rows["kind"], rows["a"] = KIND.joint, chain.index(k, 0, 0)
+        if tie.kind == "stop":
+            joint = scene.arm.links[k - 1].joint
+            rows["low"], rows["high"] = in_si([joint.slides], np.array([joint.limits]).T).ravel()
+        return rows
+    a, point_a, axis_a = _place(tie, tie.axis, tie.name, scene)
+    b, point_b, axis_b = _place(tie.to, tie.to.axis or tie.axis, tie.name, scene)
+    rows["a"], rows["b"], rows["point_a"], rows["point_b"] = a, b, point_a, point_b
+    rows["kind"] = KIND.distance if tie.kind == "distance" else KIND.point
+    if tie.kind == "hinge":
+        rows["along"] = np.tile(np.eye(3), (2, 1))
+        rows["point_a"][3:] += 0.1 * chain.size * axis_a
+        rows["point_b"][3:] += 0.1 * chain.size * axis_b
+    elif tie.kind == "slider":
+        rows["along"] = np.linalg.svd(axis_b[None])[2][1:]  # two directions across the line
+    elif tie.kind == "point":
+        rows["along"] = np.eye(3) if tie.to.axis is None else axis_b
+    return rows
+
+
+def _place(end: TieEnd, axis: tuple[float, float, float] | None, name: str, scene: Scene) -> tuple[int, Array, Array]:
+    """Index of the body at one end of a tie, −1 for frame 0, and the point [m] and the axis in its axes."""
+    from flexlink.dynamics.sensors.signals import placement_of  # noqa: PLC0415  few scenes have ties
+
+    direction = (1.0, 0.0, 0.0) if axis is None else axis
+    if end.link is None:
+        return -1, np.array(end.point), unit("axis", direction)
+    there = Sensor(name=name, kind="accelerometer", link=end.link, x=end.x, point=end.point, axis=direction)
+    try:
+        body, point, (along,) = placement_of(there, scene)
+    except SceneError as error:
+        raise SceneError(str(error).replace("sensor.", "tie.", 1), id=error.id) from None
+    return body, point, along
+
+
+def gaps(ties: Ties, chain: Chain, q: Array, t: float = 0.0) -> tuple[Array, Array, Array]:
+    """g (r,) [m, rad] of all rows, J = ∂g/∂q (r, n) and ∂g/∂t (r,) at angles q (n,) and time t [s]."""
+    rows, lengths = ties
+    g, J, moved = np.zeros(len(rows)), np.zeros((len(rows), chain.n)), np.zeros((3, len(rows)))
+    follow(lengths, t, *moved)
+    find_rows(chain.arrays, rows, moved[0], q, kinematics_workspace(chain.arrays), g, J)
+    return g, J, -moved[1]
+
+
+def closed(ties: Ties | None, chain: Chain, q: Array, qd: Array, t: float) -> tuple[Array, Array]:
+    """The state near q, q̇ (n,) in which all exact ties are closed; a warning names the joint that moved most.
+
+    The driven joints and free joints move; springs only if these are not enough.
+
+    Raises
+    ------
+    SceneError
+        No state near this one closes the ties.
+    """
+    held = np.empty(0, int) if ties is None else np.flatnonzero(np.isinf(ties[0]["stiffness"]))
+    if ties is None or not len(held):
+        return q, qd
+    start, near = q.copy(), CLOSED * chain.size
+    found = [part[held] for part in gaps(ties, chain, q, t)]
+    far = np.abs(found[0]).max()
+    for moving in (chain.active, np.arange(chain.n)):
+        q = start.copy()
+        for _ in range(PASSES):
+            found = [part[held] for part in gaps(ties, chain, q, t)]
+            if np.abs(found[0]).max() <= 1e-14 * chain.size:
+                break
+            q[moving] -= np.linalg.lstsq(found[1][:, moving], found[0], rcond=1e-9)[0]
+        found = [part[held] for part in gaps(ties, chain, q, t)]
+        if np.abs(found[0]).max() <= near:
+            break
+    g, J, moves = found
+    if not np.abs(g).max() <= near:
+        raise SceneError(
+            f"tie: the ends are {far:.3g} m apart at the start, and meet in no posture near it; give "
+            "initial.joint_deg near a posture in which they meet, or move an end",
+            id="ties-open",
+        )
+    off = J @ qd + moves
+    if np.abs(off).max() > near:
+        qd = qd - np.linalg.lstsq(J, off, rcond=1e-9)[0]
+    moved = np.abs(q - start)
+    if moved.max() > ROUNDED:
+        k = int(moved.argmax())
+        text = f"ties closed at the start: joint {chain.joint_name(k)!r} moved by {moved[k]:.3g} {chain.joint_units[k]}"
+        warnings.warn(Diagnostic(f"{chain.name}: {text}", "ties-closed"), RuntimeWarning, stacklevel=4)
+    return q, qd
+
+
+def tied_motion(scene: Scene | None, chain: Chain, t: Array, q: Array, qd: Array, qdd: Array) -> tuple[Array, Array]:
+    """q̈ (samples, n) with the ties of a scene, and their multipliers (samples, r); `qdd` is q̈ without ties."""
+    ties = None if scene is None else tie_rows(scene, chain)
+    if ties is None:
+        return qdd, np.empty((len(qdd), 0))
+    found = [tied_acceleration(ties, chain, *state) for state in zip(t.tolist(), q, qd, qdd, strict=True)]
+    return read_only(np.array([a for a, _ in found])), read_only(np.array([λ for _, λ in found]))
+
+
+def tied_acceleration(ties: Ties, chain: Chain, t: float, q: Array, qd: Array, qdd: Array) -> tuple[Array, Array]:
+    """q̈ (n,) with ties, from q̈ without them, and the multipliers λ (r,) [N, N m]: M (q̈ − q̈⁰) = −Jᵀ λ.
+
+    λ of springs follow from their law; those of exact rows from g̈ = 0, where J̇ q̇ is a central difference along q̇ with
+    a relative error of 1e-10. Of redundant rows it is the least λ.
+    """
+    rows, lengths = ties
+    g, J, moves = gaps(ties, chain, q, t)
+    λ, held = np.zeros(len(rows)), np.isinf(rows["stiffness"])
+    spring_forces(rows, g, J @ qd + moves, λ)
+    Y = np.linalg.solve(mass_matrix(chain, q), J.T)
+    qdd = qdd - Y @ λ
+    if held.any():
+        moved, nudge = np.zeros((3, len(rows))), 1e-5 / max(np.abs(qd).max(), 1e-300)
+        follow(lengths, t, *moved)
+        ahead, back = (gaps(ties, chain, q + side * nudge * qd, t)[1] @ qd for side in (1.0, -1.0))
+        bent = (ahead - back) / (2.0 * nudge) - moved[2]
+        λ[held] = np.linalg.lstsq((J @ Y)[np.ix_(held, held)], (J @ qdd + bent)[held], rcond=1e-10)[0]
+        qdd = qdd - Y[:, held] @ λ[held]
+    return qdd, λ
+
+
+def tie_forces(scene: Scene, chain: Chain, λ: Array) -> dict[str, Array]:
+    """Force of each tie by its name, from the multipliers (samples, r) of all rows, as in `Trajectory.tie_forces`."""
+    first, forces = 0, {}
+    for tie in scene.tie:
+        rows = _rows_of(tie, open_chain(scene), chain)
+        own = λ[:, first : first + len(rows)]
+        vector = tie.kind in ("hinge", "slider") or len(rows) == 3
+        forces[tie.name] = -own @ rows["along"] if vector else own[:, 0]
+        first += len(rows)
+    return forces
