@@ -30,22 +30,16 @@ def load(folder: str, key: str, name: str, kind: type[T]) -> T:
     if not is_user_file(name):
         if isinstance(name, str) and (ours := _ours(folder, name, cast("Any", kind))) is not None:
             return cast("T", ours)
-        known = names(folder)
-        near = did_you_mean(_called_elsewhere(folder, name) or name, known)
+        known, given = names(folder), re.escape(truncated(name).strip("'"))
+        word = re.compile(rf"'s {given}\b", re.IGNORECASE)  # as other programs call it: "SciPy's RK45"
+        abouts = ((each, str(read_toml(DATA / folder / f"{each}.toml")["about"])) for each in known)
+        near = did_you_mean(next((each for each, about in abouts if word.search(about)), name), known)
         allowed = f"allowed are {', '.join(known)} or a path ending in .toml"
         raise ArgumentError(f"{key} = {truncated(name)}: unknown; {allowed}{near}", id="unknown-name")
     try:
         return cast("T", _decoded(path := Path(absolute(name)), _version(path), cast("Any", kind)))
     except (SceneError, OSError, ValueError) as error:
         raise DataFileError(f"{key} = {truncated(name)}: {error}") from None
-
-
-def _called_elsewhere(folder: str, name: object) -> str | None:
-    """The built-in description that has this name in another program according to its `about`: SciPy's RK45."""
-    given = re.escape(truncated(name).strip("'"))
-    word = re.compile(rf"'s {given}\b", re.IGNORECASE)
-    abouts = ((each, str(read_toml(DATA / folder / f"{each}.toml")["about"])) for each in names(folder))
-    return next((each for each, about in abouts if word.search(about)), None)
 
 
 @functools.lru_cache(maxsize=256)

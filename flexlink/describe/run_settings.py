@@ -94,23 +94,18 @@ class RunSettings(Spec, frozen=True, dict=True):  # the dict is for cached prope
             fixed = self.step is not None and not self.has_tolerance
             msgspec.structs.force_setattr(self, "method", "RK4" if fixed else AUTO)
         msgspec.structs.force_setattr(self, "method", documents.absolute(self.method))
-        if self.controlled:
-            self._check_tolerance()
-        key, time = (self._duration_key, self.duration) if self.sample is None else ("sample", self.sample)
-        self.require_steps(key, time, "")
-        whole(self._duration_key, self.duration, self.label("sample"), self.spacing)
-
-    def _check_tolerance(self) -> None:
         if self.tolerance is not None and self.relative_tolerance is not None:
-            raise self._refused(
-                "relative_tolerance", f"tolerance = {self.tolerance!r} is also given; specify only one", "both-given"
-            )
+            why = f"tolerance = {self.tolerance!r} is also given; specify only one"
+            raise self._refused("relative_tolerance", why, "both-given")
         if self.step is not None and self.has_tolerance:
             key = "tolerance" if self.tolerance is not None else "relative_tolerance"
             raise both_given("step", self.step, f"{key} = {getattr(self, key)!r}")
-        if self.accuracy == "deflection" and self.relative_tolerance is None:
+        if self.controlled and self.accuracy == "deflection" and self.relative_tolerance is None:
             why = "needs relative_tolerance, a fraction of the deflection"
             raise self._refused("accuracy", why, "needs-another-key")
+        key, time = (self._duration_key, self.duration) if self.sample is None else ("sample", self.sample)
+        self.require_steps(key, time, "")
+        whole(self._duration_key, self.duration, self.label("sample"), self.spacing)
 
     @property
     def has_tolerance(self) -> bool:

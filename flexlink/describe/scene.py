@@ -92,9 +92,8 @@ class Scene(Spec, frozen=True):
             return
         if not self.name:
             raise SceneError("name = '': must not be empty", id="empty-name")
-        names = {
-            name: name if getattr(self.initial, name) else f"the default {name}" for name in ("joint_deg", "joint_m")
-        }
+        keys = "joint_deg", "joint_m"
+        names = {name: name if getattr(self.initial, name) else f"the default {name}" for name in keys}
         if not self.initial.joint_deg:
             self._put_joints_at_zero()
         self._read_files()
@@ -125,10 +124,8 @@ class Scene(Spec, frozen=True):
             return
         from flexlink.describe.from_files import filled_from_files  # noqa: PLC0415  few scenes name files
 
-        filled = filled_from_files(
-            self.arm, motion=self.motion, drive=self.drive, wrench=self.wrench, initial=self.initial
-        )
-        for name, value in filled.items():
+        given = {name: getattr(self, name) for name in ("motion", "drive", "wrench", "initial")}
+        for name, value in filled_from_files(self.arm, **given).items():
             msgspec.structs.force_setattr(self, name, value)
 
     @property
@@ -383,12 +380,8 @@ class Scene(Spec, frozen=True):
         return {key: to_document(value) for key, value in parts.items() if key in wanted and value is not None}
 
 
-@keep_last(64)
-def _course(
-    reference: Reference, start: tuple[float, ...], free: tuple[int, ...], slides: tuple[bool, ...]
-) -> ReferenceTrajectory:
-    """Trajectory of a reference, cached because all runs of a scene share it."""
-    return reference.course(start, free, slides)
+_course = keep_last(64)(Reference.course)
+"""Trajectory of a reference, cached because all runs of a scene share it."""
 
 
 def scene_from(
@@ -444,10 +437,8 @@ def bare_and_rigid(scene: Scene) -> Scene:
 
 
 def _bare_and_rigid(scene: Scene) -> Scene:
-    links, given = scene.arm.links, scene.initial
-    free = [
-        position for position, link in zip(scene.joint_positions.tolist(), links, strict=True) if not link.joint.locked
-    ]
+    links, given, positions = scene.arm.links, scene.initial, scene.joint_positions.tolist()
+    free = [position for position, link in zip(positions, links, strict=True) if not link.joint.locked]
     # coordinates of a base that floats, which come first in a chain
     of_base = (given.q or ())[: 6 if scene.arm.base.free else 0]
     q = None if given.q is None else (*of_base, *free)  # a complete state may exceed the limits

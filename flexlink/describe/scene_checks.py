@@ -25,7 +25,7 @@ from flexlink.describe.spec import Spec, check_all, fields_of, is_per_link, link
 
 def wrong_lists(arm: Arm, initial: InitialState, drive: Drive) -> Iterator[Diagnostic]:
     """Mistakes in lists of one number per link: wrong length, nonzero for a locked joint, or wrong unit."""
-    links = arm.links
+    links, names = arm.links, [link.name for link in arm.links]
     reference = drive.reference.per_link if drive.reference is not None else {}
     parts: dict[str, InitialState | Drive] = {"initial": initial, "drive": drive}
     per_link: dict[str, tuple[float, ...] | None] = {
@@ -46,13 +46,16 @@ def wrong_lists(arm: Arm, initial: InitialState, drive: Drive) -> Iterator[Diagn
             if link.joint.locked and values[k] and not key.startswith(allowed_for_locked):
                 path = f"{arm.path(k + 1, key)} = {values[k]!r}"
                 yield Diagnostic(f"{path}: the joint of {link.name!r} is locked; must be 0", "locked-and-moving")
-    for k, key, wrong in misplaced(arm.slides, [link.name for link in links], fitting):
+    for k, key, wrong in misplaced(arm.slides, names, fitting):
         if key.startswith("initial.") or not links[k].joint.locked:
             path = f"{arm.path(k + 1, key)} = {fitting[key][k]!r}"
             yield Diagnostic(f"{path}: {wrong}", "unit-of-joint")
     if drive.controls and not reference:
         yield from _missing_targets(arm, drive)
-    yield from drive.unknown_links([link.name for link in links])
+    for k, each in enumerate(drive.filter):
+        if each.link and each.link not in names:
+            allowed = f"no such link; allowed are {', '.join(names)}{did_you_mean(each.link, names)}"
+            yield Diagnostic(f"drive.filter[{k}].link = {each.link!r}: {allowed}", "unknown-name")
 
 
 @functools.cache

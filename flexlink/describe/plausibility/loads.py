@@ -74,10 +74,8 @@ def of_joints(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
     for k, link in enumerate(arm.links):
         path, joint, kind = arm.path(k + 1), link.joint, link.joint.terms
         for axis, (stiffness, _) in link.root_springs.items():
-            sag = about.pull * about.first_moment(k) / stiffness
-            yield from hint_if_outside(
-                f"{path}.root_stiffness.{axis}", stiffness, "root_sag", sag, -1.0, f" {sag:.2g} rad"
-            )
+            sag, key = about.pull * about.first_moment(k) / stiffness, f"{path}.root_stiffness.{axis}"
+            yield from hint_if_outside(key, stiffness, "root_sag", sag, -1.0, f" {sag:.2g} rad")
         if joint.slides:
             yield from _of_travel(scene, k)
         elif whole > 0:
