@@ -81,7 +81,15 @@ def add_beam(
     if rule.cells is not None and body is not None:
         builder.body.lent = rule.cells.lent(body.mass, end[0])
     springs = [_springs(builder, link, beam, nodes, weights, hinges)]
-    return springs if stations is None else [*springs, _springs_of_slides(link, stations, slides)]
+    if stations is not None:
+        axes, at = np.array(list(slides)).T
+        sections, shears, rows = stations.sections[axes, at], axes > 0, np.array(list(slides.values()), dtype=np.intp)
+
+        def constants(young: Array, shear: Array) -> Constants:
+            return sections * np.where(shears, shear, young), np.empty(0)
+
+        springs.append(Springs(link, rows, slice(0, 0), constants))
+    return springs
 
 
 Places = dict[tuple[int, int], int]
@@ -168,15 +176,6 @@ def _rigidities(sections: Array, young: Array, shear: Array) -> Array:
     return np.stack([shear * torsion, young * i_y, young * i_z], axis=1)
 
 
-def _springs_of_slides(link: Link, stations: Stations, places: Places) -> Springs:
-    """Springs of a beam's slides."""
-    axes, at = np.array(list(places)).T
-    sections, shears, rows = stations.sections[axes, at], axes > 0, np.array(list(places.values()), dtype=np.intp)
-    return Springs(
-        link, rows, slice(0, 0), lambda young, shear: (sections * np.where(shears, shear, young), np.empty(0))
-    )
-
-
 def _couple(builder: Builder, cells: Cells, places: dict[tuple[int, int], int]) -> tuple[slice, NDArray[np.intp]]:
     """Couple hinges of each cell about the same axis; return the slice of couplings, and axis, cell, pair of each."""
     first, pairs = len(builder.couplings), []
@@ -203,12 +202,10 @@ def _twist_rotors(link: Link, rule: LumpingRule, beam: SectionBeam | TableBeam, 
     for i in reversed(range(len(nodes))):
         A = inertias[i] + A
         if A + rotors[i] <= 0:
-            raise SceneError(
-                f"link {link.name!r}: lumping = {link.lumping!r}: its twist inertia {rotors[i]:.3g} kg m² at hinge "
-                f"{i + 1} exceeds the inertia beyond it, {A:.3g} kg m², so M is not positive definite; use a "
-                "rule without matched_twist, such as 'gauss', or more segments",
-                id="twist-inertia-outweighs",
-            )
+            text = f"link {link.name!r}: lumping = {link.lumping!r}: its twist inertia {rotors[i]:.3g} kg m² at hinge "
+            text += f"{i + 1} exceeds the inertia beyond it, {A:.3g} kg m², so M is not positive definite; use a rule "
+            text += "without matched_twist, such as 'gauss', or more segments"
+            raise SceneError(text, id="twist-inertia-outweighs")
         A = A * rotors[i] / (A + rotors[i])
     return rotors
 
@@ -269,18 +266,14 @@ def _cell_segments(beam: SectionBeam | TableBeam, cells: Cells, count: int) -> l
     J[-2] -= given
     if isinstance(beam, TableBeam):
         _pass_on(J)
-    if (J < 0).any() and isinstance(beam, TableBeam):
-        raise ArgumentError(
-            f"the mass per length of its table changes so much within a cell that segment {int(np.argmin(J))} would "
-            "have a negative moment of inertia; use more segments, or a rule without cells, such as 'gauss'",
-            id="segment-inertia-negative",
-        )
     if (J < 0).any():
-        raise ArgumentError(
-            f"tip = {cells.tip:g}: segment {int(np.argmin(J))} would have a negative moment of inertia; "
-            "use a smaller tip in the rule",
-            id="segment-inertia-negative",
-        )
+        text = f"segment {int(np.argmin(J))} would have a negative moment of inertia; use "
+        if isinstance(beam, TableBeam):
+            text = f"the mass per length of its table changes so much within a cell that {text}"
+            text += "more segments, or a rule without cells, such as 'gauss'"
+        else:
+            text = f"tip = {cells.tip:g}: {text}a smaller tip in the rule"
+        raise ArgumentError(text, id="segment-inertia-negative")
     y, z = l * beam.rotary(nodes)
     moments = np.column_stack([y + z, J + y, J + z])
     return [

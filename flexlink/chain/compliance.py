@@ -63,9 +63,8 @@ def curvatures(beam: TableBeam, rule: LumpingRule, hinges: tuple[Array, Array], 
     """κ = M/EI about X, Y and Z at hinges, or Gauss points of cells, (3, …, N), for angles (…, N) about this axis."""
     nodes, weights = hinges
     if rule.cells is None:
-        return np.asarray(
-            [row * angles for row in spring_constants(beam, rule, nodes, weights) / beam.rigidities(nodes)]
-        )
+        rows = spring_constants(beam, rule, nodes, weights) / beam.rigidities(nodes)
+        return np.asarray([row * angles for row in rows])
     cell, p = rule.cells.cell, rule.cells.hinges
     K, points = cell_constants(beam, rule.cells, len(nodes)), rule.cells.gauss_points(len(nodes))
     M = np.linalg.solve((cell.weights[:, None] * cell.curvature).T, K)  # (3, cells, p, p), moments per angle

@@ -46,7 +46,9 @@ def with_constant_ratios(chain: Chain, scene: Scene) -> Chain:
         return chain
     _check(chain, arm, hinges, len(sprung))
     M, K = np.zeros((chain.n, chain.n)), chain.matrix("stiffness")
-    mass_upper(chain.arrays, _posture(chain, scene), M)
+    posture = np.array(chain.rest)  # the initial configuration with unloaded springs
+    posture[chain.active] = scene.joint_positions[[chain.coordinates[k].link - 1 for k in chain.active]]
+    mass_upper(chain.arrays, posture, M)
     block = np.ix_(sprung, sprung)
     D = _damping(M[block], K[block], wanted, chain.name)[np.ix_(of_these, of_these)]
     damped, (inner, outer) = chain.hinges.copy(), np.triu_indices(len(hinges), 1)
@@ -54,14 +56,6 @@ def with_constant_ratios(chain: Chain, scene: Scene) -> Chain:
     dampers = np.zeros(len(inner), COUPLING)
     dampers["inner"], dampers["outer"], dampers["damping"] = hinges[inner], hinges[outer], D[inner, outer]
     return dataclasses.replace(chain, hinges=damped, couplings=merged(np.concatenate([chain.couplings, dampers])))
-
-
-def _posture(chain: Chain, scene: Scene) -> Array:
-    """Initial configuration of the scene, with unloaded springs, shape (n,)."""
-    q, positions = np.array(chain.rest), scene.joint_positions
-    for k in chain.active.tolist():
-        q[k] = positions[chain.coordinates[k].link - 1]
-    return q
 
 
 def posture_of(scene: Scene) -> tuple[float, ...]:
@@ -79,9 +73,8 @@ def _check(chain: Chain, arm: Arm, hinges: NDArray[np.intp], count: int) -> None
     number = chain.coordinates[hinges[0]].link
     path = f"{arm.path(number)}.damping.law = 'constant'"
     if count > MOST:
-        raise SceneError(
-            f"{path}: {count} hinges in all; at most {MOST}; use fewer, or law = 'proportional'", id="too-many-joints"
-        )
+        text = f"{count} hinges in all; at most {MOST}; use fewer, or law = 'proportional'"
+        raise SceneError(f"{path}: {text}", id="too-many-joints")
     between = slice(chain.body(int(hinges[0])) + 1, chain.body(int(hinges[-1])) + 1)
     if chain.bodies["begins"][between].any() or chain.slides[hinges[0] : hinges[-1]].any():
         raise SceneError(f"{path}: {BETWEEN}", id="inertia-between-hinges")
@@ -91,9 +84,8 @@ def _damping(M: Array, K: Array, ratios: Array, name: str) -> Array:
     try:
         squares, shapes = scipy.linalg.eigh(K, M)
     except scipy.linalg.LinAlgError:
-        raise SceneError(
-            f"{name}: damping.law = 'constant': some hinges have no inertia attached", id="massless-hinge"
-        ) from None
+        text = f"{name}: damping.law = 'constant': some hinges have no inertia attached"
+        raise SceneError(text, id="massless-hinge") from None
     momenta = np.sqrt(ratios)[:, None] * (M @ shapes)
     D = (momenta * (2 * np.sqrt(np.maximum(squares, 0.0)))) @ momenta.T
     return np.asarray((D + D.T) / 2)

@@ -84,16 +84,11 @@ def with_forces(chain: Chain, scene: Scene, pieces: Sequence[Piece]) -> Chain:
     for name, rows_of in ROWS.items():
         if rows := rows_of(scene, chain, pieces):
             forces[name] = np.array(rows, dtype=FORCES[name])
-            _check_finite(scene, name, forces[name])
+            for field in forces[name].dtype.names or ():
+                if not np.isfinite(forces[name][field]).all():
+                    text = f"{scene.name}: the {field} of {name} overflows float64; use smaller values"
+                    raise SceneError(text, id="overflow")
     return dataclasses.replace(chain, forces=forces) if forces else chain
-
-
-def _check_finite(scene: Scene, name: str, rows: NDArray[np.void]) -> None:
-    for field in rows.dtype.names or ():
-        if not np.isfinite(rows[field]).all():
-            raise SceneError(
-                f"{scene.name}: the {field} of {name} overflows float64; use smaller values", id="overflow"
-            )
 
 
 def refuse_states(chain: Chain, what: str, instead: str = "", *, free: NDArray[np.intp] | None = None) -> None:
@@ -101,7 +96,5 @@ def refuse_states(chain: Chain, what: str, instead: str = "", *, free: NDArray[n
     joints = chain.force("gyrators")["inner"]
     lagging = joints if free is None else np.intersect1d(joints, free)
     if len(lagging):
-        name = chain.joint_name(int(lagging[0]))
-        raise ArgumentError(
-            f"{chain.name}: viscous_lag of joint {name!r}: {what}; leave it out{instead}", id="not-supported-here"
-        )
+        text = f"viscous_lag of joint {chain.joint_name(int(lagging[0]))!r}: {what}; leave it out{instead}"
+        raise ArgumentError(f"{chain.name}: {text}", id="not-supported-here")
