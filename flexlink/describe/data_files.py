@@ -37,7 +37,10 @@ def load(folder: str, key: str, name: str, kind: type[T]) -> T:
         allowed = f"allowed are {', '.join(known)} or a path ending in .toml"
         raise ArgumentError(f"{key} = {truncated(name)}: unknown; {allowed}{near}", id="unknown-name")
     try:
-        return cast("T", _decoded(path := Path(absolute(name)), _version(path), cast("Any", kind)))
+        path = Path(absolute(name))
+        status = path.stat() if path.exists() else None  # differs after a user's file has changed
+        version = () if status is None else (status.st_mtime_ns, status.st_size, status.st_ino)
+        return cast("T", _decoded(path, version, cast("Any", kind)))
     except (SceneError, OSError, ValueError) as error:
         raise DataFileError(f"{key} = {truncated(name)}: {error}") from None
 
@@ -47,14 +50,6 @@ def _ours(folder: str, name: str, kind: Any) -> Any:
     """A built-in description, or None; looks for its file, once, instead of listing the folder."""
     path = DATA / folder / f"{name}.toml"
     return _decoded(path, (), kind) if Path(name).name == name and path.is_file() else None
-
-
-def _version(path: Path) -> tuple[int, ...]:
-    """What differs after a user's file has changed."""
-    if not path.exists():
-        return ()
-    status = path.stat()
-    return status.st_mtime_ns, status.st_size, status.st_ino
 
 
 @functools.lru_cache(maxsize=256)

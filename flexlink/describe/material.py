@@ -88,16 +88,13 @@ class Section(Spec, frozen=True):
             raise self._refused("inner", f"must be smaller than outer = {self.outer!r}", "section-walls")
         if self.wall and self.height and self.width and 2 * self.wall >= min(self.height, self.width):
             raise self._refused("wall", "must be less than half of height and width", "section-walls")
-        self._check_properties(wanted)
-
-    def _check_properties(self, dimensions: tuple[str, ...]) -> None:
         try:
             properties = self.properties._asdict()
         except OverflowError:  # raised by Python's power
             properties = {"area or second moment": math.inf}
         for name, value in properties.items():
             if not 0 < value < math.inf:
-                values = ", ".join(f"{key} = {getattr(self, key)!r}" for key in dimensions)
+                values = ", ".join(f"{key} = {getattr(self, key)!r}" for key in wanted)
                 flows = "underflows" if value == 0 else "overflows"
                 raise SceneError(f"{values}: {name} {flows} float64", id="overflow")
 

@@ -117,7 +117,12 @@ class Reference(Spec, frozen=True):
         if self.cutoff is not None and (self.file is None or self.profile != "smooth"):
             raise self._refused("cutoff", "needs a file and profile 'smooth'; leave cutoff out", "needs-another-key")
         if self.file is not None:
-            self._check_file()
+            if self.profile not in TABLED:
+                why = f"{self._takes}; a file needs profile {', '.join(TABLED)}"
+                raise self._refused("file", why, "key-of-another-kind")
+            for key in sorted([*_in_both(*LISTS, *OF_MOTION), "times", "start", "duration"]):
+                if getattr(self, key) not in (None, 0.0):
+                    raise both_given("file", self.file, key)
             return
         needs, may = TAKES[self.profile]
         for name in dict.fromkeys(name for both in TAKES.values() for part in both for name in part):
@@ -142,15 +147,6 @@ class Reference(Spec, frozen=True):
         needs, may = TAKES[self.profile]
         also = f", and may have {', '.join(may)}" if may else ""
         return f"profile {self.profile!r} takes {', '.join(needs)}{also}"
-
-    def _check_file(self) -> None:
-        """Check that a reference with a file has a table profile, and that no rows are also given."""
-        if self.profile not in TABLED:
-            why = f"{self._takes}; a file needs profile {', '.join(TABLED)}"
-            raise self._refused("file", why, "key-of-another-kind")
-        for key in sorted([*_in_both(*LISTS, *OF_MOTION), "times", "start", "duration"]):
-            if getattr(self, key) not in (None, 0.0):
-                raise both_given("file", self.file, key)
 
     def _check_limits(self) -> None:
         """Check that limits are positive; zeros are allowed for joints whose limit is given in the other unit."""

@@ -234,16 +234,11 @@ def implied(run: RunSettings, changes: Mapping[str, object]) -> dict[str, None]:
     gone: list[str] = []
     if tolerances or step:
         gone += ["run.tolerance", "run.relative_tolerance", "run.step" if tolerances else "run.accuracy"]
-    if (tolerances and not controllable(run)) or (step and run.method == AUTO):
+    known = run.method in data_files.names("methods")  # a user's file is read only when it runs
+    controllable = run.controlled or (known and method(run.method).controlled)
+    if (tolerances and not controllable) or (step and run.method == AUTO):
         gone += ["run.method"]
     return dict.fromkeys(gone)
-
-
-def controllable(run: RunSettings) -> bool:
-    """Whether steps by the method of a run can be adapted to a tolerance; a user's file is read only when it runs."""
-    if run.controlled or documents.is_user_file(run.method):
-        return run.controlled
-    return run.method in data_files.names("methods") and method(run.method).controlled
 
 
 def steps_explicitly(run: RunSettings) -> bool:

@@ -20,8 +20,6 @@ from flexlink.describe.spec import LARGE, SMALL, Deviation, NonNegative, Positiv
 
 Kind = Literal["strain", "accelerometer", "gyroscope", "joint", "torque", "current", "position"]
 """Measured quantity of a sensor."""
-
-
 KINDS: dict[str, tuple[tuple[str, ...], tuple[str, ...], str]] = {
     "strain": (("x", "fibre"), (), "1"),
     "accelerometer": ((), ("x", "point", "axis"), "m/s²"),
