@@ -29,8 +29,6 @@ from flexlink.kernels.layout import SLIDES, SPRINGS
 
 TWIST = 1  # number of the twist axis in a `Coordinate`
 PAIR = 2  # number of hinges in cells whose springs act on the curvature of the rotation between them
-
-
 Constants = tuple[Array, Array]
 """K_ii (b, hinges) and K_ij (b, couplings) of b arms, or (hinges,) and (couplings,) of all [N m/rad; N/m of slides]."""
 
@@ -151,8 +149,15 @@ def _springs_of_cells(
     rows: NDArray[np.intp], among: NDArray[np.intp],
 ) -> Springs:  # fmt: skip
     """As `_springs`, for cells whose springs are coupled."""
-    coupled, pairs = _couple(builder, cells, places)
-    cell, (axis, e, pair) = cells.cell, pairs.T
+    cell, first, coupling = cells.cell, len(builder.couplings), []
+    for about, hinge in sorted(places):  # the hinges of each cell about the same axis are coupled
+        number, place = divmod(hinge, cells.hinges)
+        for k, (i, j) in enumerate(cell.pairs):
+            if i == place:
+                builder.couplings.append((places[about, hinge], places[about, hinge + j - i], 0.0, 0.0))
+                coupling.append((about, number, k))
+    coupled = slice(first, len(builder.couplings))
+    axis, e, pair = np.array(coupling, dtype=np.intp).reshape(-1, 3).T
     if isinstance(beam, TableBeam):
         K, (i, j) = cell_constants(beam, cells, count), np.array(cell.pairs).T
         given = K.diagonal(axis1=2, axis2=3).reshape(-1)[among], K[axis, e, i[pair], j[pair]]
@@ -174,18 +179,6 @@ def _rigidities(sections: Array, young: Array, shear: Array) -> Array:
     """GJ, EI_y, EI_z of b arms at sections (4, N), (b, 3, N) [N m²]."""
     _, i_y, i_z, torsion = sections
     return np.stack([shear * torsion, young * i_y, young * i_z], axis=1)
-
-
-def _couple(builder: Builder, cells: Cells, places: dict[tuple[int, int], int]) -> tuple[slice, NDArray[np.intp]]:
-    """Couple hinges of each cell about the same axis; return the slice of couplings, and axis, cell, pair of each."""
-    first, pairs = len(builder.couplings), []
-    for axis, hinge in sorted(places):
-        cell, place = divmod(hinge, cells.hinges)
-        for pair, (i, j) in enumerate(cells.cell.pairs):
-            if i == place:
-                builder.couplings.append((places[axis, hinge], places[axis, hinge + j - i], 0.0, 0.0))
-                pairs.append((axis, cell, pair))
-    return slice(first, len(builder.couplings)), np.array(pairs, dtype=np.intp).reshape(-1, 3)
 
 
 def _twist_rotors(link: Link, rule: LumpingRule, beam: SectionBeam | TableBeam, nodes: Array, weights: Array) -> Array:
@@ -264,8 +257,11 @@ def _cell_segments(beam: SectionBeam | TableBeam, cells: Cells, count: int) -> l
     J[np.abs(J) <= rounding] = 0.0  # the first segment is a point mass at its end, the last one at its hinge
     J[-1] += given
     J[-2] -= given
-    if isinstance(beam, TableBeam):
-        _pass_on(J)
+    forward, backward = (range(count), 1), (range(count, 0, -1), -1)
+    for order, then in (forward, backward) if isinstance(beam, TableBeam) else ():
+        for i in order:  # negative inertias, next to a jump, are added to the next segment, which turns almost equally
+            if J[i] < 0:
+                J[i + then], J[i] = J[i + then] + J[i], 0.0
     if (J < 0).any():
         text = f"segment {int(np.argmin(J))} would have a negative moment of inertia; use "
         if isinstance(beam, TableBeam):
@@ -280,15 +276,6 @@ def _cell_segments(beam: SectionBeam | TableBeam, cells: Cells, count: int) -> l
         (SpatialInertia(float(m), np.array([c, 0, 0]), np.diag(I)), part, np.array([length, 0, 0]))
         for part, m, c, I, length in zip(itertools.pairwise(edges.tolist()), mass, center, moments, l, strict=True)
     ]
-
-
-def _pass_on(J: Array) -> None:
-    """Add negative inertias, which occur next to a jump, to the next segment, which turns almost equally; in place."""
-    for first, then in ((range(len(J) - 1), 1), (range(len(J) - 1, 0, -1), -1)):
-        for i in first:
-            if J[i] < 0:
-                J[i + then] += J[i]
-                J[i] = 0.0
 
 
 def _cell_inertia(beam: SectionBeam | TableBeam, cells: Cells, i: int, nodes: Array, edges: Array) -> float:

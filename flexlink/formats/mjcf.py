@@ -52,12 +52,9 @@ USER_FIELDS = sorted(
 
 
 def to_mjcf(
-    chain: Chain,
-    *,
-    shapes: bool = True,
-    initial: tuple[ArrayLike, ArrayLike] | None = None,
+    chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, ArrayLike] | None = None,
     timestep: float | None = None,
-) -> str:
+) -> str:  # fmt: skip
     """Write a chain as MJCF.
 
     Parameters

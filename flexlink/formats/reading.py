@@ -28,7 +28,7 @@ from flexlink.common.errors import DataFileError, FlexlinkError
 from flexlink.common.safe_xml import numbers_of, parse
 from flexlink.common.types import Array
 from flexlink.describe.arm import BASE
-from flexlink.formats.document import ROTATION_SPRINGS, UPPER_TRIANGLE, WIDE
+from flexlink.formats.document import ROTATION_SPRINGS, UPPER_TRIANGLE
 from flexlink.kernels.layout import COUPLING, HINGE, SLIDES, SPRINGS
 
 ROUNDING = 1e-14  # rounding error of angles and quaternions, which depends on the machine's mathematical library
@@ -216,12 +216,6 @@ def coordinate(node: Node, numbers: Sequence[float], links: Sequence[str]) -> Co
         last = max(axis for _, axis in KINDS)
         raise node.error(f"coordinate {list(numbers)}: expected link 1 … {len(links)}, segment, axis 0 … {last}")
     return found
-
-
-def limits_of(lower: float, upper: float) -> dict[str, float]:
-    """Return the limits of a hinge; the limits that the writer uses for unlimited joints become infinite."""
-    least, most = map(float, WIDE.values())
-    return {"lower": -np.inf if lower == least else lower, "upper": np.inf if upper == most else upper}
 
 
 def inertia_matrix(moments: Sequence[float]) -> Array:

@@ -197,7 +197,8 @@ def _read_hinge(joint: Node, bodies: Mapping[str, Node], links: Sequence[str], b
     numbers = {key: own.number(key) for key in HINGE.names or () if key not in STANDARD_FIELDS}
     numbers |= {field: dynamics.number(key) for key, field in DYNAMICS.items()}
     axis, limit = joint.one("axis"), joint.one("limit")
-    numbers |= reading.limits_of(limit.number("lower"), limit.number("upper"))
+    lower, upper, (least, most) = limit.number("lower"), limit.number("upper"), map(float, WIDE.values())
+    numbers |= {"lower": -np.inf if lower == least else lower, "upper": np.inf if upper == most else upper}
     numbers["axis"] = axis.unit_axis(axis.numbers(3, "xyz"), joint.attribute("type"))
     place = reading.coordinate(own, own.numbers(3, "coordinate"), links)
     parent = _parent(joint, behind)
