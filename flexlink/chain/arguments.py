@@ -55,9 +55,8 @@ def require_one_of(name: str, value: object, allowed: Mapping[Any, T], what: str
     """Return the entry of `allowed` with the name `value`, or refuse it; `what` states what else it may be."""
     if not isinstance(value, str) or value not in allowed:
         names = ", ".join(allowed) if len(allowed) < 100 else short_list(list(allowed))
-        raise ArgumentError(
-            f"{name} = {truncated(value)}: {what}; allowed are {names}{did_you_mean(value, allowed)}", id="unknown-name"
-        )
+        text = f"{what}; allowed are {names}{did_you_mean(value, allowed)}"
+        raise ArgumentError(f"{name} = {truncated(value)}: {text}", id="unknown-name")
     return allowed[value]
 
 
@@ -74,10 +73,8 @@ def require_type(name: str, value: object, kind: type[T]) -> T:
             ("Scene", "FitProblem"): "fl.fits.FitProblem(scene=scene, …)",
         }  # fmt: skip
         remedy = conversions.get((given, kind.__name__), "")
-        raise ArgumentError(
-            f"{name} = {truncated(value)}: expected a {kind.__name__}, got {given}{'; use ' if remedy else ''}{remedy}",
-            id="wrong-type",
-        )
+        text = f"expected a {kind.__name__}, got {given}{'; use ' if remedy else ''}{remedy}"
+        raise ArgumentError(f"{name} = {truncated(value)}: {text}", id="wrong-type")
     return value
 
 
@@ -106,9 +103,8 @@ def integer(name: str, value: object, least: int, most: int | None = None) -> in
     """Return `value` as an int from `least` to `most`, or refuse it."""
     number = number_of(value)
     if type(number) is not int:
-        raise ArgumentError(
-            f"{name} = {truncated(value)}: must be an integer, got {type(value).__name__}", id="not-an-integer"
-        )
+        text = f"{name} = {truncated(value)}: must be an integer, got {type(value).__name__}"
+        raise ArgumentError(text, id="not-an-integer")
     if number < least or (most is not None and number > most):
         allowed = f"at least {least}" if most is None else f"{least} … {most}"
         raise ArgumentError(f"{name} = {truncated(number)}: must be {allowed}", id="out-of-range")

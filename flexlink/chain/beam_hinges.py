@@ -29,8 +29,6 @@ from flexlink.kernels.layout import SLIDES, SPRINGS
 
 TWIST = 1  # number of the twist axis in a `Coordinate`
 PAIR = 2  # number of hinges in cells whose springs act on the curvature of the rotation between them
-
-
 Constants = tuple[Array, Array]
 """K_ii (b, hinges) and K_ij (b, couplings) of b arms, or (hinges,) and (couplings,) of all [N m/rad; N/m of slides]."""
 
@@ -81,7 +79,15 @@ def add_beam(
     if rule.cells is not None and body is not None:
         builder.body.lent = rule.cells.lent(body.mass, end[0])
     springs = [_springs(builder, link, beam, nodes, weights, hinges)]
-    return springs if stations is None else [*springs, _springs_of_slides(link, stations, slides)]
+    if stations is not None:
+        axes, at = np.array(list(slides)).T
+        sections, shears, rows = stations.sections[axes, at], axes > 0, np.array(list(slides.values()), dtype=np.intp)
+
+        def constants(young: Array, shear: Array) -> Constants:
+            return sections * np.where(shears, shear, young), np.empty(0)
+
+        springs.append(Springs(link, rows, slice(0, 0), constants))
+    return springs
 
 
 Places = dict[tuple[int, int], int]
@@ -143,8 +149,15 @@ def _springs_of_cells(
     rows: NDArray[np.intp], among: NDArray[np.intp],
 ) -> Springs:  # fmt: skip
     """As `_springs`, for cells whose springs are coupled."""
-    coupled, pairs = _couple(builder, cells, places)
-    cell, (axis, e, pair) = cells.cell, pairs.T
+    cell, first, coupling = cells.cell, len(builder.couplings), []
+    for about, hinge in sorted(places):  # the hinges of each cell about the same axis are coupled
+        number, place = divmod(hinge, cells.hinges)
+        for k, (i, j) in enumerate(cell.pairs):
+            if i == place:
+                builder.couplings.append((places[about, hinge], places[about, hinge + j - i], 0.0, 0.0))
+                coupling.append((about, number, k))
+    coupled = slice(first, len(builder.couplings))
+    axis, e, pair = np.array(coupling, dtype=np.intp).reshape(-1, 3).T
     if isinstance(beam, TableBeam):
         K, (i, j) = cell_constants(beam, cells, count), np.array(cell.pairs).T
         given = K.diagonal(axis1=2, axis2=3).reshape(-1)[among], K[axis, e, i[pair], j[pair]]
@@ -168,27 +181,6 @@ def _rigidities(sections: Array, young: Array, shear: Array) -> Array:
     return np.stack([shear * torsion, young * i_y, young * i_z], axis=1)
 
 
-def _springs_of_slides(link: Link, stations: Stations, places: Places) -> Springs:
-    """Springs of a beam's slides."""
-    axes, at = np.array(list(places)).T
-    sections, shears, rows = stations.sections[axes, at], axes > 0, np.array(list(places.values()), dtype=np.intp)
-    return Springs(
-        link, rows, slice(0, 0), lambda young, shear: (sections * np.where(shears, shear, young), np.empty(0))
-    )
-
-
-def _couple(builder: Builder, cells: Cells, places: dict[tuple[int, int], int]) -> tuple[slice, NDArray[np.intp]]:
-    """Couple hinges of each cell about the same axis; return the slice of couplings, and axis, cell, pair of each."""
-    first, pairs = len(builder.couplings), []
-    for axis, hinge in sorted(places):
-        cell, place = divmod(hinge, cells.hinges)
-        for pair, (i, j) in enumerate(cells.cell.pairs):
-            if i == place:
-                builder.couplings.append((places[axis, hinge], places[axis, hinge + j - i], 0.0, 0.0))
-                pairs.append((axis, cell, pair))
-    return slice(first, len(builder.couplings)), np.array(pairs, dtype=np.intp).reshape(-1, 3)
-
-
 def _twist_rotors(link: Link, rule: LumpingRule, beam: SectionBeam | TableBeam, nodes: Array, weights: Array) -> Array:
     """Rotor inertias of the twist hinges [kg m²]; raises an error if the twist's mass matrix is not positive definite.
 
@@ -203,12 +195,10 @@ def _twist_rotors(link: Link, rule: LumpingRule, beam: SectionBeam | TableBeam, 
     for i in reversed(range(len(nodes))):
         A = inertias[i] + A
         if A + rotors[i] <= 0:
-            raise SceneError(
-                f"link {link.name!r}: lumping = {link.lumping!r}: its twist inertia {rotors[i]:.3g} kg m² at hinge "
-                f"{i + 1} exceeds the inertia beyond it, {A:.3g} kg m², so M is not positive definite; use a "
-                "rule without matched_twist, such as 'gauss', or more segments",
-                id="twist-inertia-outweighs",
-            )
+            text = f"link {link.name!r}: lumping = {link.lumping!r}: its twist inertia {rotors[i]:.3g} kg m² at hinge "
+            text += f"{i + 1} exceeds the inertia beyond it, {A:.3g} kg m², so M is not positive definite; use a rule "
+            text += "without matched_twist, such as 'gauss', or more segments"
+            raise SceneError(text, id="twist-inertia-outweighs")
         A = A * rotors[i] / (A + rotors[i])
     return rotors
 
@@ -267,35 +257,25 @@ def _cell_segments(beam: SectionBeam | TableBeam, cells: Cells, count: int) -> l
     J[np.abs(J) <= rounding] = 0.0  # the first segment is a point mass at its end, the last one at its hinge
     J[-1] += given
     J[-2] -= given
-    if isinstance(beam, TableBeam):
-        _pass_on(J)
-    if (J < 0).any() and isinstance(beam, TableBeam):
-        raise ArgumentError(
-            f"the mass per length of its table changes so much within a cell that segment {int(np.argmin(J))} would "
-            "have a negative moment of inertia; use more segments, or a rule without cells, such as 'gauss'",
-            id="segment-inertia-negative",
-        )
+    forward, backward = (range(count), 1), (range(count, 0, -1), -1)
+    for order, then in (forward, backward) if isinstance(beam, TableBeam) else ():
+        for i in order:  # negative inertias, next to a jump, are added to the next segment, which turns almost equally
+            if J[i] < 0:
+                J[i + then], J[i] = J[i + then] + J[i], 0.0
     if (J < 0).any():
-        raise ArgumentError(
-            f"tip = {cells.tip:g}: segment {int(np.argmin(J))} would have a negative moment of inertia; "
-            "use a smaller tip in the rule",
-            id="segment-inertia-negative",
-        )
+        text = f"segment {int(np.argmin(J))} would have a negative moment of inertia; use "
+        if isinstance(beam, TableBeam):
+            text = f"the mass per length of its table changes so much within a cell that {text}"
+            text += "more segments, or a rule without cells, such as 'gauss'"
+        else:
+            text = f"tip = {cells.tip:g}: {text}a smaller tip in the rule"
+        raise ArgumentError(text, id="segment-inertia-negative")
     y, z = l * beam.rotary(nodes)
     moments = np.column_stack([y + z, J + y, J + z])
     return [
         (SpatialInertia(float(m), np.array([c, 0, 0]), np.diag(I)), part, np.array([length, 0, 0]))
         for part, m, c, I, length in zip(itertools.pairwise(edges.tolist()), mass, center, moments, l, strict=True)
     ]
-
-
-def _pass_on(J: Array) -> None:
-    """Add negative inertias, which occur next to a jump, to the next segment, which turns almost equally; in place."""
-    for first, then in ((range(len(J) - 1), 1), (range(len(J) - 1, 0, -1), -1)):
-        for i in first:
-            if J[i] < 0:
-                J[i + then] += J[i]
-                J[i] = 0.0
 
 
 def _cell_inertia(beam: SectionBeam | TableBeam, cells: Cells, i: int, nodes: Array, edges: Array) -> float:

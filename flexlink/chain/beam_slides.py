@@ -49,31 +49,20 @@ def stations_of(
     rule, sheared = lumping_rule(link.lumping), [SHEARS[axis] for axis in AXES[link.flex] if axis in SHEARS]
     axes = (*([0] if link.stretch else []), *(sorted(sheared) if link.shear else []))
     if rule.cells is not None:
-        raise SceneError(
-            f"link {link.name!r}: lumping = {link.lumping!r}: a rule with cells has neither shear nor stretch; use "
-            "'gauss', which then also has order 4",
-            id="cells-without-strains",
-        )
+        text = "a rule with cells has neither shear nor stretch; use 'gauss', which then also has order 4"
+        raise SceneError(f"link {link.name!r}: lumping = {link.lumping!r}: {text}", id="cells-without-strains")
     factors = np.full((2, len(nodes)), link.shear) if type(link.shear) is float else beam.shear_factors(nodes)
     if link.shear and not np.isfinite(factors).all():
-        raise SceneError(
-            f"link {link.name!r}: shear = true: a general section has no known shape; give its shear correction "
-            "factor, such as shear = 0.85",
-            id="shear-factor-unknown",
-        )
+        text = "a general section has no known shape; give its shear correction factor, such as shear = 0.85"
+        raise SceneError(f"link {link.name!r}: shear = true: {text}", id="shear-factor-unknown")
     sections = beam.sections(nodes)[0] / (weights * beam.length) * np.vstack([np.ones(len(nodes)), factors])
     stations = Stations(axes, sections, *np.zeros((2, 3, len(nodes))))
     if exact_for_quadratics(nodes, weights):
-        _match(stations, matched_inertias(weights, *beam.moments(nodes)), nodes * beam.length, segments)
+        mass, I_y, I_z = matched_inertias(weights, *beam.moments(nodes))
+        for slide, turn, rotors in ((0, 0, np.zeros(len(nodes))), (1, 2, I_z), (2, 1, I_y)):
+            if slide in axes and _positive(np.array([mass, rotors]), turn, nodes * beam.length, segments):
+                stations.masses[slide], stations.inertias[turn] = mass, rotors
     return stations
-
-
-def _match(stations: Stations, matched: Array, x: Array, segments: Sequence[SpatialInertia | None]) -> None:
-    """Write the matched inertias for A, I_y, I_z, (3, N), with which M is positive definite; `x` are stations [m]."""
-    (mass, I_y, I_z), zero = matched, np.zeros(len(x))
-    for slide, turn, rotors in ((0, 0, zero), (1, 2, I_z), (2, 1, I_y)):
-        if slide in stations.axes and _positive(np.array([mass, rotors]), turn, x, segments):
-            stations.masses[slide], stations.inertias[turn] = mass, rotors
 
 
 def _positive(rotors: Array, turn: int, x: Array, segments: Sequence[SpatialInertia | None]) -> bool:

@@ -100,8 +100,6 @@ GAUSS = np.polynomial.legendre.leggauss(4)
 """Gauss rule that is exact for linear masses times x², and for their double integrals."""
 LARGEST_RATIO = 2.0
 """Largest ratio of rigidities on a piece for ∫ f/EI; 12 Gauss points (more if f has a high degree): error 5.8^−24."""
-
-
 Points = tuple[NDArray[np.intp], Array, Array]
 """Gauss points between neighbouring edges: index of the slice that contains each point, x, and weight for ∫ dx."""
 

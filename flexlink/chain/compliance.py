@@ -37,9 +37,18 @@ def spring_constants(beam: TableBeam, rule: LumpingRule, nodes: Array, weights: 
     """1/c_j of every hinge about X, Y and Z, shape (3, N) [N m/rad]."""
     given = np.empty((3, len(nodes)))
     for which, edges, stretches in _panels(rule, nodes, weights):
-        found = by_intervals = _of_stretches(beam, weights[which], stretches)
+        by_intervals = np.empty((3, len(stretches)))  # w_j times the mean of L/EI over the interval of each hinge
+        for j, (ends, w) in enumerate(zip(stretches, weights[which], strict=True)):
+            (_, _, weight), per = beam.flexibility(ends, 0)
+            by_intervals[:, j] = per @ weight * (w / (ends[1] - ends[0]))
+        found = by_intervals
         if rule.grid is None and len(stretches) <= MOST_NODES:
-            found = _of_moments(beam, rule, edges, nodes[which])
+            (_, x, weight), per = beam.flexibility(np.array(edges), len(nodes[which]))
+            basis = _lagrange(nodes[which], x)  # with the factor g(x)/g(x_j) of a `jacobi` rule
+            if rule.jacobi is not None:
+                tip, root = rule.jacobi.tip, rule.jacobi.root
+                basis *= ((1 - x) ** tip * x**root)[:, None] / ((1 - nodes[which]) ** tip * nodes[which] ** root)
+            found = np.asarray((per * weight) @ basis)
         good = (found > LEAST * by_intervals).all(axis=1, keepdims=True)
         given[:, which] = 1 / np.where(good, found, by_intervals)
     return given
@@ -63,9 +72,8 @@ def curvatures(beam: TableBeam, rule: LumpingRule, hinges: tuple[Array, Array], 
     """κ = M/EI about X, Y and Z at hinges, or Gauss points of cells, (3, …, N), for angles (…, N) about this axis."""
     nodes, weights = hinges
     if rule.cells is None:
-        return np.asarray(
-            [row * angles for row in spring_constants(beam, rule, nodes, weights) / beam.rigidities(nodes)]
-        )
+        rows = spring_constants(beam, rule, nodes, weights) / beam.rigidities(nodes)
+        return np.asarray([row * angles for row in rows])
     cell, p = rule.cells.cell, rule.cells.hinges
     K, points = cell_constants(beam, rule.cells, len(nodes)), rule.cells.gauss_points(len(nodes))
     M = np.linalg.solve((cell.weights[:, None] * cell.curvature).T, K)  # (3, cells, p, p), moments per angle
@@ -93,25 +101,6 @@ def _panels(rule: LumpingRule, nodes: Array, weights: Array) -> list[Panel]:
         ends[-1] = edges[1]
         panels.append((which, edges, np.column_stack([ends[:-1], ends[1:]])))
     return panels
-
-
-def _of_stretches(beam: TableBeam, weights: Array, stretches: Array) -> Array:
-    """w_j times the mean of L/EI over the interval of each hinge, shape (3, N)."""
-    found = np.empty((3, len(weights)))
-    for j, ends in enumerate(stretches):
-        (_, _, weight), per = beam.flexibility(ends, 0)
-        found[:, j] = per @ weight * (weights[j] / (ends[1] - ends[0]))
-    return found
-
-
-def _of_moments(beam: TableBeam, rule: LumpingRule, edges: tuple[float, float], nodes: Array) -> Array:
-    """∫ ℓ_j L/EI over a panel, shape (3, N), where ℓ_j includes the factor g(x)/g(x_j) of a `jacobi` rule."""
-    (_, x, weight), per = beam.flexibility(np.array(edges), len(nodes))
-    basis = _lagrange(nodes, x)
-    if rule.jacobi is not None:
-        tip, root = rule.jacobi.tip, rule.jacobi.root
-        basis *= ((1 - x) ** tip * x**root)[:, None] / ((1 - nodes) ** tip * nodes**root)
-    return np.asarray((per * weight) @ basis)
 
 
 def _lagrange(nodes: Array, x: Array) -> Array:

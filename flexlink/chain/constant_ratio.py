@@ -21,12 +21,10 @@ import dataclasses
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain, merged
 from flexlink.common.errors import SceneError
-from flexlink.common.types import Array
-from flexlink.describe.arm import BETWEEN, Arm
+from flexlink.describe.arm import BETWEEN
 from flexlink.describe.scene import Scene
 from flexlink.kernels.bodies.mass import mass_upper
 from flexlink.kernels.layout import COUPLING
@@ -44,24 +42,31 @@ def with_constant_ratios(chain: Chain, scene: Scene) -> Chain:
     hinges = sprung[of_these]
     if not len(hinges):
         return chain
-    _check(chain, arm, hinges, len(sprung))
+    path = f"{arm.path(chain.coordinates[hinges[0]].link)}.damping.law = 'constant'"
+    if len(sprung) > MOST:
+        text = f"{len(sprung)} hinges in all; at most {MOST}; use fewer, or law = 'proportional'"
+        raise SceneError(f"{path}: {text}", id="too-many-joints")
+    between = slice(chain.body(int(hinges[0])) + 1, chain.body(int(hinges[-1])) + 1)
+    if chain.bodies["begins"][between].any() or chain.slides[hinges[0] : hinges[-1]].any():
+        raise SceneError(f"{path}: {BETWEEN}", id="inertia-between-hinges")
     M, K = np.zeros((chain.n, chain.n)), chain.matrix("stiffness")
-    mass_upper(chain.arrays, _posture(chain, scene), M)
+    posture = np.array(chain.rest)  # the initial configuration with unloaded springs
+    posture[chain.active] = scene.joint_positions[[chain.coordinates[k].link - 1 for k in chain.active]]
+    mass_upper(chain.arrays, posture, M)
     block = np.ix_(sprung, sprung)
-    D = _damping(M[block], K[block], wanted, chain.name)[np.ix_(of_these, of_these)]
+    try:
+        squares, shapes = scipy.linalg.eigh(K[block], M[block])
+    except scipy.linalg.LinAlgError:
+        text = f"{chain.name}: damping.law = 'constant': some hinges have no inertia attached"
+        raise SceneError(text, id="massless-hinge") from None
+    momenta = np.sqrt(wanted)[:, None] * (M[block] @ shapes)
+    D = (momenta * (2 * np.sqrt(np.maximum(squares, 0.0)))) @ momenta.T
+    D = ((D + D.T) / 2)[np.ix_(of_these, of_these)]
     damped, (inner, outer) = chain.hinges.copy(), np.triu_indices(len(hinges), 1)
     damped["damping"][hinges] += D.diagonal()
     dampers = np.zeros(len(inner), COUPLING)
     dampers["inner"], dampers["outer"], dampers["damping"] = hinges[inner], hinges[outer], D[inner, outer]
     return dataclasses.replace(chain, hinges=damped, couplings=merged(np.concatenate([chain.couplings, dampers])))
-
-
-def _posture(chain: Chain, scene: Scene) -> Array:
-    """Initial configuration of the scene, with unloaded springs, shape (n,)."""
-    q, positions = np.array(chain.rest), scene.joint_positions
-    for k in chain.active.tolist():
-        q[k] = positions[chain.coordinates[k].link - 1]
-    return q
 
 
 def posture_of(scene: Scene) -> tuple[float, ...]:
@@ -73,27 +78,3 @@ def posture_of(scene: Scene) -> tuple[float, ...]:
 
 MOST = 400
 """Largest number of hinges that dampers may connect; a damper for each pair makes 79 800 dampers."""
-
-
-def _check(chain: Chain, arm: Arm, hinges: NDArray[np.intp], count: int) -> None:
-    number = chain.coordinates[hinges[0]].link
-    path = f"{arm.path(number)}.damping.law = 'constant'"
-    if count > MOST:
-        raise SceneError(
-            f"{path}: {count} hinges in all; at most {MOST}; use fewer, or law = 'proportional'", id="too-many-joints"
-        )
-    between = slice(chain.body(int(hinges[0])) + 1, chain.body(int(hinges[-1])) + 1)
-    if chain.bodies["begins"][between].any() or chain.slides[hinges[0] : hinges[-1]].any():
-        raise SceneError(f"{path}: {BETWEEN}", id="inertia-between-hinges")
-
-
-def _damping(M: Array, K: Array, ratios: Array, name: str) -> Array:
-    try:
-        squares, shapes = scipy.linalg.eigh(K, M)
-    except scipy.linalg.LinAlgError:
-        raise SceneError(
-            f"{name}: damping.law = 'constant': some hinges have no inertia attached", id="massless-hinge"
-        ) from None
-    momenta = np.sqrt(ratios)[:, None] * (M @ shapes)
-    D = (momenta * (2 * np.sqrt(np.maximum(squares, 0.0)))) @ momenta.T
-    return np.asarray((D + D.T) / 2)

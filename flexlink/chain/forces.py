@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from flexlink.chain.builder import Piece
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, SceneError
-from flexlink.common.types import Array
 from flexlink.describe.arm import Arm
 from flexlink.describe.link import Link
 from flexlink.describe.scene import Scene
@@ -44,19 +43,13 @@ def _drag_of_piece(piece: Piece, link: Link, arm: Arm, count: int, density: floa
     nodes, weights = np.polynomial.legendre.leggauss(count)
     rows: Rows = []
     for part, weight in zip(((1 + nodes) / 2).tolist(), (weights / 2).tolist(), strict=True):
-        breadths = _breadths(link, arm, start + part * (stop - start))
-        drag = 0.5 * density * link.drag.coefficient * weight * piece.length * breadths
+        breadths = link.drag.breadth  # seen along the section's y and z [m]
+        if breadths is None:
+            root, tip = (arm.sections[name] for name in (link.section or "", link.section_tip or link.section or ""))
+            breadths = root.breadths(tip, start + part * (stop - start))
+        drag = 0.5 * density * link.drag.coefficient * weight * piece.length * np.array(breadths)
         rows.append((piece.body - 1, p + R @ (part * piece.end), R.T[1:], drag))
     return rows
-
-
-def _breadths(link: Link, arm: Arm, x: float) -> Array:
-    """Breadths seen along the section's y and z, at the fraction `x` of the link's length [m]."""
-    assert link.drag is not None
-    if link.drag.breadth is not None:
-        return np.array(link.drag.breadth)
-    root, tip = (arm.sections[name] for name in (link.section or "", link.section_tip or link.section or ""))
-    return np.array(root.breadths(tip, x))
 
 
 def joint_rows(scene: Scene, chain: Chain, pieces: Sequence[Piece], key: str) -> Rows:
@@ -84,16 +77,11 @@ def with_forces(chain: Chain, scene: Scene, pieces: Sequence[Piece]) -> Chain:
     for name, rows_of in ROWS.items():
         if rows := rows_of(scene, chain, pieces):
             forces[name] = np.array(rows, dtype=FORCES[name])
-            _check_finite(scene, name, forces[name])
+            for field in forces[name].dtype.names or ():
+                if not np.isfinite(forces[name][field]).all():
+                    text = f"{scene.name}: the {field} of {name} overflows float64; use smaller values"
+                    raise SceneError(text, id="overflow")
     return dataclasses.replace(chain, forces=forces) if forces else chain
-
-
-def _check_finite(scene: Scene, name: str, rows: NDArray[np.void]) -> None:
-    for field in rows.dtype.names or ():
-        if not np.isfinite(rows[field]).all():
-            raise SceneError(
-                f"{scene.name}: the {field} of {name} overflows float64; use smaller values", id="overflow"
-            )
 
 
 def refuse_states(chain: Chain, what: str, instead: str = "", *, free: NDArray[np.intp] | None = None) -> None:
@@ -101,7 +89,5 @@ def refuse_states(chain: Chain, what: str, instead: str = "", *, free: NDArray[n
     joints = chain.force("gyrators")["inner"]
     lagging = joints if free is None else np.intersect1d(joints, free)
     if len(lagging):
-        name = chain.joint_name(int(lagging[0]))
-        raise ArgumentError(
-            f"{chain.name}: viscous_lag of joint {name!r}: {what}; leave it out{instead}", id="not-supported-here"
-        )
+        text = f"viscous_lag of joint {chain.joint_name(int(lagging[0]))!r}: {what}; leave it out{instead}"
+        raise ArgumentError(f"{chain.name}: {text}", id="not-supported-here")

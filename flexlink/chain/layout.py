@@ -207,9 +207,8 @@ class Layout:
             return len(self.bodies) - 1
         name = self.link_names[link_number("tip", tip, self.link_names) - 1]
         if name not in self.tips:
-            raise ArgumentError(
-                f"tip = {truncated(tip)}: has child links; tips are {', '.join(self.tips)}", id="tip-not-a-tip"
-            )
+            text = f"tip = {truncated(tip)}: has child links; tips are {', '.join(self.tips)}"
+            raise ArgumentError(text, id="tip-not-a-tip")
         return self.tips[name]
 
     def index(self, link: int | str, segment: int, axis: int) -> int:
@@ -232,10 +231,8 @@ class Layout:
         wanted = Coordinate(number, integer("segment", segment, 0), integer("axis", axis, 0, last))
         if wanted not in self._sequential:
             known = truncated(sorted(tuple(c) for c in self.coordinates if c.link == wanted.link))
-            raise ArgumentError(
-                f"(link, segment, axis) = {truncated(tuple(wanted))}: unknown; link {wanted.link} has {known}",
-                id="unknown-hinge",
-            )
+            text = f"(link, segment, axis) = {truncated(tuple(wanted))}: unknown; link {wanted.link} has {known}"
+            raise ArgumentError(text, id="unknown-hinge")
         return self._sequential[wanted]
 
     def coordinate(self, k: int | str) -> Coordinate:
@@ -278,17 +275,12 @@ class Layout:
         ArgumentError
             `value` contains something that is not a joint; the message lists what is allowed.
         """
-        one = (
-            isinstance(value, str)
-            or not isinstance(value, Iterable)
-            or (isinstance(value, np.ndarray) and not value.ndim)
-        )
+        one = isinstance(value, str) or not isinstance(value, Iterable) or getattr(value, "ndim", 1) == 0
         items: list[Any] = [value] if one else list(value)  # type: ignore[arg-type]
         if items and all(isinstance(item, bool | np.bool_) for item in items):
             if len(items) != self.n:
-                raise ArgumentError(
-                    f"{name}: a mask of {len(items)} booleans; expected one per joint, {self.n}", id="wrong-shape"
-                )
+                text = f"{name}: a mask of {len(items)} booleans; expected one per joint, {self.n}"
+                raise ArgumentError(text, id="wrong-shape")
             return np.flatnonzero(np.array(items, dtype=bool))
         found = [self.joint_index(name, item, perhaps_locked=True) for item in items]
         return np.array([k for k in found if k >= 0], dtype=np.intp)
@@ -315,11 +307,8 @@ class Layout:
                 return -1
         hint = did_you_mean(wanted, [*self.link_names, *names])
         all_links = truncated(", ".join(self.link_names)).strip("'")
-        raise ArgumentError(
-            f"{name} = {truncated(value)}: not a joint of this chain; allowed are 0 … {self.n - 1}, "
-            f"names such as {names[-1]!r}, and links: {all_links}{hint}",
-            id="unknown-joint",
-        )
+        text = f"allowed are 0 … {self.n - 1}, names such as {names[-1]!r}, and links: {all_links}{hint}"
+        raise ArgumentError(f"{name} = {truncated(value)}: not a joint of this chain; {text}", id="unknown-joint")
 
     @functools.cached_property
     def joint_names(self) -> tuple[str, ...]:

@@ -42,11 +42,9 @@ def require_positive_mass(chain: Chain, arm: Arm) -> None:
     odd = odd_bodies(arm)
     if odd and (place := negative_inertia(chain)):
         path, body = max(odd.items(), key=lambda item: item[1].excess)
-        raise SceneError(
-            f"{path}.inertia = {truncated(body.inertia)}: no body can have it, and with it {place}; check the moments, "
-            "their unit, and that they are about the centre of mass",
-            id="inertia-impossible",
-        )
+        text = f"no body can have it, and with it {place}; check the moments, their unit, and that they are about the "
+        text += "centre of mass"
+        raise SceneError(f"{path}.inertia = {truncated(body.inertia)}: {text}", id="inertia-impossible")
 
 
 def negative_inertia(chain: Chain) -> str:

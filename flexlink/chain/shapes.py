@@ -43,29 +43,20 @@ def with_shapes(chain: Chain, scene: Scene) -> Chain:
     parts: list[tuple[Hinges, Array]] = []
     for number, link, modes in shaped:
         for axis in AXES[link.flex]:
-            hinges = hinges_of(chain, number, axis)
+            hinges = chain.where(Kind.HINGE, link=number, axis=axis)
             count = modes.of_axis(axis)
             if count > len(hinges):
-                raise SceneError(
-                    f"link {link.name!r}: modes.{'xyz'[axis - 1]} = {count}: the link has {len(hinges)} hinges in this "
-                    f"direction; use at most {len(hinges)} modes, or more segments",
-                    id="too-many-modes",
-                )
+                text = f"link {link.name!r}: modes.{'xyz'[axis - 1]} = {count}: the link has {len(hinges)} hinges in "
+                text += f"this direction; use at most {len(hinges)} modes, or more segments"
+                raise SceneError(text, id="too-many-modes")
             block = np.ix_(hinges, hinges)
             try:
                 shapes = SHAPES[modes.shapes](places[hinges], K[block], M[block], count)
             except np.linalg.LinAlgError:
-                raise SceneError(
-                    f"link {link.name!r}: modes: a hinge moves no inertia; use modes.shapes = 'polynomials'",
-                    id="hinge-without-inertia",
-                ) from None
+                text = f"link {link.name!r}: modes: a hinge moves no inertia; use modes.shapes = 'polynomials'"
+                raise SceneError(text, id="hinge-without-inertia") from None
             parts.append((hinges, scaled(shapes)))
     return dataclasses.replace(chain, shapes=joined(chain, parts))
-
-
-def hinges_of(chain: Chain, link: int, axis: int) -> Hinges:
-    """Indices of the hinges of a link in one direction: axis 1 twists, 2 and 3 bend about y and z."""
-    return chain.where(Kind.HINGE, link=link, axis=axis)
 
 
 def eigenmodes(x: Array, K: Array, M: Array, count: int) -> Array:
@@ -140,11 +131,9 @@ def moved_by(chain: Chain, Φ: Array) -> NDArray[np.bool_]:
 def refuse_shapes(chain: Chain, what: str) -> None:
     """Refuse a chain with shapes in a function that does not support them; `what` begins the message."""
     if chain.shapes is not None:
-        raise ArgumentError(
-            f"{chain.name}: {what} does not support links with modes; use the chain of their hinges, "
-            'scene.varied({"link.*.modes": None})',
-            id="modes-not-supported",
-        )
+        remedy = 'use the chain of their hinges, scene.varied({"link.*.modes": None})'
+        text = f"{chain.name}: {what} does not support links with modes; {remedy}"
+        raise ArgumentError(text, id="modes-not-supported")
 
 
 def on_shapes(chain: Chain, name: str, change: Array, per: str = "") -> None:
@@ -155,9 +144,6 @@ def on_shapes(chain: Chain, name: str, change: Array, per: str = "") -> None:
     beside = change - Φ @ (chain.shapes.inverse.T @ change)
     k = int(np.argmax(np.abs(beside)))
     if not abs(beside[k]) <= 1e-9 * size:
-        raise ArgumentError(
-            f"{name}: joint {chain.joint_name(k)!r} is {abs(beside[k]):.3g} {chain.joint_units[k]}{per} away from the "
-            f"closest sum of the shapes of {chain.name!r}; give a state of this chain, such as rest or the end of one "
-            "of its runs",
-            id="not-a-shape",
-        )
+        text = f"{name}: joint {chain.joint_name(k)!r} is {abs(beside[k]):.3g} {chain.joint_units[k]}{per} away from "
+        text += f"the closest sum of the shapes of {chain.name!r}; give a state of this chain, such as rest or the end "
+        raise ArgumentError(f"{text}of one of its runs", id="not-a-shape")

@@ -63,7 +63,9 @@ class PrescribedMotion(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.file is not None:
-            self._check_file()
+            for name in ("times", *OF_MOTION, *IN_METRES_OF_MOTION):
+                if getattr(self, name) not in (None, ()):
+                    raise both_given("file", self.file, name)
             return
         if self.cutoff is not None:
             raise self._refused("cutoff", "has no effect without a file; leave cutoff out", "no-effect")
@@ -83,11 +85,6 @@ class PrescribedMotion(Spec, frozen=True):
             other = TWINS[name]
             if getattr(self, other) is not None:
                 raise both_given(other, getattr(self, other), name)
-
-    def _check_file(self) -> None:
-        for name in ("times", *OF_MOTION, *IN_METRES_OF_MOTION):
-            if getattr(self, name) not in (None, ()):
-                raise both_given("file", self.file, name)
 
     @property
     def slides(self) -> bool:

@@ -30,22 +30,19 @@ def load(folder: str, key: str, name: str, kind: type[T]) -> T:
     if not is_user_file(name):
         if isinstance(name, str) and (ours := _ours(folder, name, cast("Any", kind))) is not None:
             return cast("T", ours)
-        known = names(folder)
-        near = did_you_mean(_called_elsewhere(folder, name) or name, known)
+        known, given = names(folder), re.escape(truncated(name).strip("'"))
+        word = re.compile(rf"'s {given}\b", re.IGNORECASE)  # as other programs call it: "SciPy's RK45"
+        abouts = ((each, str(read_toml(DATA / folder / f"{each}.toml")["about"])) for each in known)
+        near = did_you_mean(next((each for each, about in abouts if word.search(about)), name), known)
         allowed = f"allowed are {', '.join(known)} or a path ending in .toml"
         raise ArgumentError(f"{key} = {truncated(name)}: unknown; {allowed}{near}", id="unknown-name")
     try:
-        return cast("T", _decoded(path := Path(absolute(name)), _version(path), cast("Any", kind)))
+        path = Path(absolute(name))
+        status = path.stat() if path.exists() else None  # differs after a user's file has changed
+        version = () if status is None else (status.st_mtime_ns, status.st_size, status.st_ino)
+        return cast("T", _decoded(path, version, cast("Any", kind)))
     except (SceneError, OSError, ValueError) as error:
         raise DataFileError(f"{key} = {truncated(name)}: {error}") from None
-
-
-def _called_elsewhere(folder: str, name: object) -> str | None:
-    """The built-in description that has this name in another program according to its `about`: SciPy's RK45."""
-    given = re.escape(truncated(name).strip("'"))
-    word = re.compile(rf"'s {given}\b", re.IGNORECASE)
-    abouts = ((each, str(read_toml(DATA / folder / f"{each}.toml")["about"])) for each in names(folder))
-    return next((each for each, about in abouts if word.search(about)), None)
 
 
 @functools.lru_cache(maxsize=256)
@@ -53,14 +50,6 @@ def _ours(folder: str, name: str, kind: Any) -> Any:
     """A built-in description, or None; looks for its file, once, instead of listing the folder."""
     path = DATA / folder / f"{name}.toml"
     return _decoded(path, (), kind) if Path(name).name == name and path.is_file() else None
-
-
-def _version(path: Path) -> tuple[int, ...]:
-    """What differs after a user's file has changed."""
-    if not path.exists():
-        return ()
-    status = path.stat()
-    return status.st_mtime_ns, status.st_size, status.st_ino
 
 
 @functools.lru_cache(maxsize=256)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from typing import Annotated, Literal
 
 import msgspec
 
-from flexlink.common.errors import Diagnostic, SceneError
-from flexlink.common.wording import both_given, did_you_mean, missing, truncated
+from flexlink.common.errors import SceneError
+from flexlink.common.wording import both_given, missing, truncated
 from flexlink.describe.filters import Filter
 from flexlink.describe.numbers import check_table
 from flexlink.describe.reference import Reference
@@ -156,13 +155,6 @@ class Drive(Spec, frozen=True):
     def controls(self) -> bool:
         """Whether the torques depend on the motion of the joints."""
         return self.kind in {"pd", "computed_torque", "cascade"}
-
-    def unknown_links(self, names: Sequence[str]) -> Iterator[Diagnostic]:
-        """Filters of links that the arm, with these links, does not have."""
-        for k, each in enumerate(self.filter):
-            if each.link and each.link not in names:
-                allowed = f"no such link; allowed are {', '.join(names)}{did_you_mean(each.link, names)}"
-                yield Diagnostic(f"drive.filter[{k}].link = {each.link!r}: {allowed}", "unknown-name")
 
     def _check_key(self, name: str, wanted: tuple[str, ...], may: tuple[str, ...], other: str = "") -> None:
         """Check that a key is given if it is wanted, and only if it is wanted or allowed, by an `other` kind."""

@@ -49,12 +49,6 @@ class Filter(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._check_kind()
-        if self.numerator is not None and self.denominator is not None:
-            self._check_transfer(self.numerator, self.denominator)
-
-    def _check_kind(self) -> None:
-        """Check that the keys describe exactly one filter."""
         kinds = {"low_pass": ("order", "damping"), "notch": ("damping",), "numerator": ("denominator",)}
         given = [key for key in kinds if getattr(self, key) is not None]
         if not given:
@@ -72,6 +66,8 @@ class Filter(Spec, frozen=True):
         if self.damping is not None and self.order not in {None, 2}:
             why = f"with damping = {self.damping!r} the order is 2; leave one of them out"
             raise self._refused("order", why, "both-given")
+        if self.numerator is not None and self.denominator is not None:
+            self._check_transfer(self.numerator, self.denominator)
 
     def _check_transfer(self, numerator: tuple[float, ...], denominator: tuple[float, ...]) -> None:
         """Check that a transfer function is proper and stable, and has a finite static gain."""

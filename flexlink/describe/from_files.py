@@ -104,15 +104,12 @@ def drive_from_file(drive: Drive, arm: Arm, moved: set[int]) -> Drive:
     Locked joints, and joints led by a motion (`moved`, by link number), need no column.
     """
     with _table("drive", drive.file or "") as table:
-        columns = [_torques(table, link, k in moved) for k, link in enumerate(arm.links, 1)]
+        columns = []
+        for k, link in enumerate(arm.links, 1):
+            quantity = f"tau {link.joint_name}"
+            none = link.joint.locked or (k in moved and quantity not in table.quantities)
+            columns.append(np.zeros(len(table.values)) if none else table.column(quantity, link.joint.terms.torque))
         return replace(drive, file=None, times=_row(table.times), torques=_rows(np.column_stack(columns)))
-
-
-def _torques(table: CsvTable, link: Link, moved: bool) -> Array:
-    quantity = f"tau {link.joint_name}"
-    if link.joint.locked or (moved and quantity not in table.quantities):
-        return np.zeros(len(table.values))
-    return table.column(quantity, link.joint.terms.torque)
 
 
 def reference_from_file(reference: Reference, arm: Arm, moved: set[int], starts: Sequence[float]) -> Reference:

@@ -51,11 +51,9 @@ def _hinges_of(link: Link) -> tuple[Array, Array]:
         given = f"segments = {link.segments}, so {count} hinge{'s' * (count != 1)}"
         raise SceneError(f"{given}: rule {link.lumping!r}{default} {error}") from None
     if nodes[0] == 0 and link.root_springs:
-        text = (
-            f"lumping = {link.lumping!r}: puts a hinge on the springs of root_stiffness, with no inertia between them"
-        )
-        remedy = "use a rule without a hinge at the root, such as 'gauss' or 'gregory'"
-        raise SceneError(f"{text}; {remedy}", id="hinge-without-inertia")
+        text = "puts a hinge on the springs of root_stiffness, with no inertia between them; use a rule without a "
+        text += "hinge at the root, such as 'gauss' or 'gregory'"
+        raise SceneError(f"lumping = {link.lumping!r}: {text}", id="hinge-without-inertia")
     if nodes[0] == 0 and not link.joint.backs(link.hub):
         raise SceneError(f"lumping = {link.lumping!r}: puts a hinge on {_bare(link)}", id="hinge-without-inertia")
     if nodes[-1] == 1:

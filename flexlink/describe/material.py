@@ -88,16 +88,13 @@ class Section(Spec, frozen=True):
             raise self._refused("inner", f"must be smaller than outer = {self.outer!r}", "section-walls")
         if self.wall and self.height and self.width and 2 * self.wall >= min(self.height, self.width):
             raise self._refused("wall", "must be less than half of height and width", "section-walls")
-        self._check_properties(wanted)
-
-    def _check_properties(self, dimensions: tuple[str, ...]) -> None:
         try:
             properties = self.properties._asdict()
         except OverflowError:  # raised by Python's power
             properties = {"area or second moment": math.inf}
         for name, value in properties.items():
             if not 0 < value < math.inf:
-                values = ", ".join(f"{key} = {getattr(self, key)!r}" for key in dimensions)
+                values = ", ".join(f"{key} = {getattr(self, key)!r}" for key in wanted)
                 flows = "underflows" if value == 0 else "overflows"
                 raise SceneError(f"{values}: {name} {flows} float64", id="overflow")
 
@@ -254,11 +251,6 @@ def _rectangle_torsion(a: float, b: float) -> float:
     return a * b**3 * (1 / 3 - 64 / math.pi**5 * (b / a) * (31 / 32 * zeta_5 - rest))
 
 
-def _rectangle_factors(height: float, width: float) -> tuple[float, float]:
-    """Shear correction factors of a rectangle, 5/6 in both directions."""
-    return 5 / 6, 5 / 6
-
-
 def _tube_factors(outer: float, inner: float = 0.0) -> tuple[float, float]:
     """Shear correction factors of a circular tube: 6/7 without a hole, 1/2 with a thin wall."""
     m = (inner / outer) ** 2
@@ -278,7 +270,8 @@ def _along(m: float) -> float:
 
 
 SHEAR_FACTORS: dict[str, Callable[..., tuple[float, float]]] = {
-    "rectangle": _rectangle_factors, "circle": _tube_factors, "tube": _tube_factors, "box": _box_factors,
+    "rectangle": lambda height, width: (5 / 6, 5 / 6), "circle": _tube_factors, "tube": _tube_factors,
+    "box": _box_factors,
 }  # fmt: skip
 """Shear correction factors κ for forces along y and z: shear stiffness κ G A (Cowper 1966, for ν = 0)."""
 BREADTHS = {

@@ -73,8 +73,6 @@ class Ramps(NamedTuple):
 
 
 Shape = Quintic | Ramps
-
-
 Limits = tuple[float, float, float]
 """Largest rate, acceleration and jerk of a joint; inf if unlimited."""
 

@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.common.types import Array
-from flexlink.common.wording import both_given, missing, plural, truncated
+from flexlink.common.wording import both_given, missing, truncated
 from flexlink.describe import profiles
 from flexlink.describe.joint_units import IN_METRES, OF_JOINT, OF_MOTION, Row, Slides, in_si, together
-from flexlink.describe.numbers import require_increasing, require_positive
+from flexlink.describe.numbers import check_table, require_positive
 from flexlink.describe.reference_trajectory import ReferenceTrajectory, distinct, from_rest_to_rest, side_by_side, still
 from flexlink.describe.shaping import InputShaper
 from flexlink.describe.spec import NonNegative, NonNegativePerLink, PerLink, Positive, Spec, measured_in
@@ -117,7 +117,12 @@ class Reference(Spec, frozen=True):
         if self.cutoff is not None and (self.file is None or self.profile != "smooth"):
             raise self._refused("cutoff", "needs a file and profile 'smooth'; leave cutoff out", "needs-another-key")
         if self.file is not None:
-            self._check_file()
+            if self.profile not in TABLED:
+                why = f"{self._takes}; a file needs profile {', '.join(TABLED)}"
+                raise self._refused("file", why, "key-of-another-kind")
+            for key in sorted([*_in_both(*LISTS, *OF_MOTION), "times", "start", "duration"]):
+                if getattr(self, key) not in (None, 0.0):
+                    raise both_given("file", self.file, key)
             return
         needs, may = TAKES[self.profile]
         for name in dict.fromkeys(name for both in TAKES.values() for part in both for name in part):
@@ -130,8 +135,11 @@ class Reference(Spec, frozen=True):
         self._check_limits()
         if self.times is None:
             self._check_time_of_move()
-        else:
-            self._check_table(self.times)
+            return
+        if self._is_given("acceleration_deg") and not self._is_given("rate_deg"):
+            raise missing("rate_deg", "acceleration_deg needs it")
+        rows = {name: getattr(self, name) for name in _in_both(*OF_MOTION)}
+        check_table(self.times, rows, smooth=False, hold=False)
 
     @property
     def _takes(self) -> str:
@@ -139,15 +147,6 @@ class Reference(Spec, frozen=True):
         needs, may = TAKES[self.profile]
         also = f", and may have {', '.join(may)}" if may else ""
         return f"profile {self.profile!r} takes {', '.join(needs)}{also}"
-
-    def _check_file(self) -> None:
-        """Check that a reference with a file has a table profile, and that no rows are also given."""
-        if self.profile not in TABLED:
-            why = f"{self._takes}; a file needs profile {', '.join(TABLED)}"
-            raise self._refused("file", why, "key-of-another-kind")
-        for key in sorted([*_in_both(*LISTS, *OF_MOTION), "times", "start", "duration"]):
-            if getattr(self, key) not in (None, 0.0):
-                raise both_given("file", self.file, key)
 
     def _check_limits(self) -> None:
         """Check that limits are positive; zeros are allowed for joints whose limit is given in the other unit."""
@@ -173,15 +172,6 @@ class Reference(Spec, frozen=True):
     def _is_given(self, name: str) -> bool:
         """Whether a list is given, in either unit."""
         return getattr(self, name) is not None or getattr(self, IN_METRES[name]) is not None
-
-    def _check_table(self, times: Row) -> None:
-        require_increasing("times", times)
-        if self._is_given("acceleration_deg") and not self._is_given("rate_deg"):
-            raise missing("rate_deg", "acceleration_deg needs it")
-        for name in _in_both(*OF_MOTION):
-            rows = getattr(self, name)
-            if rows is not None and len(rows) != len(times):
-                raise SceneError(f"{name}: {plural(len(rows), 'row')}, but {len(times)} times", id="one-per-time")
 
     def starts_at_initial(self, unit: str) -> bool:
         """Whether joints whose unit is deg or m start at their initial positions in the scene."""
@@ -240,9 +230,8 @@ class Reference(Spec, frozen=True):
         self._require_lists({kinds[k] for k in chosen})
         try:
             with np.errstate(all="ignore"):
-                course = (
-                    self._move(start, chosen, kinds) if self.times is None else self._table(self.times, chosen, kinds)
-                )
+                times = self.times
+                course = self._move(start, chosen, kinds) if times is None else self._table(times, chosen, kinds)
         except ArgumentError as error:
             raise SceneError(str(error)) from None
         try:
@@ -307,9 +296,8 @@ class Reference(Spec, frozen=True):
             on_time = 8 * np.finfo(float).eps  # a sample at a row's time, up to rounding, gets this row
             return ReferenceTrajectory(t * (1 - on_time), angles[:, None])
         if self.profile == "linear":
-            return from_rest_to_rest(
-                t, np.stack([angles[:-1], np.diff(angles, axis=0) / np.diff(t)[:, None]], 1), angles[-1]
-            )
+            slopes = np.diff(angles, axis=0) / np.diff(t)[:, None]
+            return from_rest_to_rest(t, np.stack([angles[:-1], slopes], 1), angles[-1])
         return from_rest_to_rest(t, smooth_pieces(t, known), angles[-1])
 
     def _rows(self, name: str, slides: Slides) -> Array:

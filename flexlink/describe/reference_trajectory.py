@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -68,7 +68,14 @@ class ReferenceTrajectory:
     def __call__(self, t: ArrayLike) -> tuple[Array, Array, Array]:
         """Angle [rad], rate [rad/s] and acceleration [rad/s²] at times t [s], each of shape (*t.shape, d)."""
         times = numbers("t", t)
-        return _values(*self._located(times.ravel()), (*times.shape, self.coefficients.shape[2]))
+        c, x = self._located(times.ravel())
+        angle, rate, half = np.zeros((3, len(c), c.shape[2]))
+        for j in range(c.shape[1] - 1, -1, -1):  # Horner's scheme for the value and its first two derivatives
+            half = half * x + rate
+            rate = rate * x + angle
+            angle = angle * x + c[:, j]
+        shape = *times.shape, c.shape[2]
+        return angle.reshape(shape), rate.reshape(shape), (2.0 * half).reshape(shape)
 
     def __repr__(self) -> str:
         m, p, d = self.coefficients.shape
@@ -114,9 +121,8 @@ class ReferenceTrajectory:
             raise ArgumentError(text, id="too-many-impulses")
         copies = [self.delayed(delay) for delay in t]
         knots = common_knots(copies)
-        return ReferenceTrajectory(
-            knots, sum(weight * copy.restated(knots) for weight, copy in zip(a, copies, strict=True))
-        )
+        parts = (weight * copy.restated(knots) for weight, copy in zip(a, copies, strict=True))
+        return ReferenceTrajectory(knots, sum(parts))
 
     def extremes(self) -> tuple[Array, Array]:
         """Smallest and largest angles over all time [rad], shape (d,) each, at knots or at extrema within pieces."""
@@ -188,9 +194,8 @@ def side_by_side(courses: Sequence[ReferenceTrajectory]) -> ReferenceTrajectory:
     knots = common_knots(courses)
     parts = [course.restated(knots) for course in courses]
     order = max(part.shape[1] for part in parts)
-    return ReferenceTrajectory(
-        knots, np.concatenate([np.pad(c, ((0, 0), (0, order - c.shape[1]), (0, 0))) for c in parts], axis=2)
-    )
+    padded = [np.pad(c, ((0, 0), (0, order - c.shape[1]), (0, 0))) for c in parts]
+    return ReferenceTrajectory(knots, np.concatenate(padded, axis=2))
 
 
 def common_knots(courses: Sequence[ReferenceTrajectory]) -> Array:
@@ -204,17 +209,3 @@ def distinct(knots: Array) -> NDArray[np.bool_]:
     """Whether each knot differs from the next by more than the rounding errors of summed delays."""
     rounding = 16 * np.finfo(float).eps
     return np.asarray(np.diff(knots, append=np.inf) > rounding * np.abs(knots).max(initial=0.0))
-
-
-def _values(c: Array, x: Array, shape: tuple[int, ...]) -> tuple[Array, Array, Array]:
-    return tuple(value.reshape(shape) for value in _horner(c, x))  # type: ignore[return-value]
-
-
-def _horner(c: Array, x: Array) -> Iterator[Array]:
-    """Horner's scheme for the value and its first two derivatives."""
-    angle, rate, half = np.zeros((3, len(c), c.shape[2]))
-    for j in range(c.shape[1] - 1, -1, -1):
-        half = half * x + rate
-        rate = rate * x + angle
-        angle = angle * x + c[:, j]
-    yield from (angle, rate, 2.0 * half)

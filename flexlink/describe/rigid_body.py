@@ -45,9 +45,8 @@ class RigidBody(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if len(self.inertia) not in {3, 6}:
-            raise self._refused(
-                "inertia", "expected 3 moments, xx, yy, zz, or 6 numbers, xx, yy, zz, xy, xz, yz", "inertia-form"
-            )
+            why = "expected 3 moments, xx, yy, zz, or 6 numbers, xx, yy, zz, xy, xz, yz"
+            raise self._refused("inertia", why, "inertia-form")
 
     @property
     def principal_moments(self) -> tuple[float, ...]:

@@ -94,23 +94,18 @@ class RunSettings(Spec, frozen=True, dict=True):  # the dict is for cached prope
             fixed = self.step is not None and not self.has_tolerance
             msgspec.structs.force_setattr(self, "method", "RK4" if fixed else AUTO)
         msgspec.structs.force_setattr(self, "method", documents.absolute(self.method))
-        if self.controlled:
-            self._check_tolerance()
-        key, time = (self._duration_key, self.duration) if self.sample is None else ("sample", self.sample)
-        self.require_steps(key, time, "")
-        whole(self._duration_key, self.duration, self.label("sample"), self.spacing)
-
-    def _check_tolerance(self) -> None:
         if self.tolerance is not None and self.relative_tolerance is not None:
-            raise self._refused(
-                "relative_tolerance", f"tolerance = {self.tolerance!r} is also given; specify only one", "both-given"
-            )
+            why = f"tolerance = {self.tolerance!r} is also given; specify only one"
+            raise self._refused("relative_tolerance", why, "both-given")
         if self.step is not None and self.has_tolerance:
             key = "tolerance" if self.tolerance is not None else "relative_tolerance"
             raise both_given("step", self.step, f"{key} = {getattr(self, key)!r}")
-        if self.accuracy == "deflection" and self.relative_tolerance is None:
+        if self.controlled and self.accuracy == "deflection" and self.relative_tolerance is None:
             why = "needs relative_tolerance, a fraction of the deflection"
             raise self._refused("accuracy", why, "needs-another-key")
+        key, time = (self._duration_key, self.duration) if self.sample is None else ("sample", self.sample)
+        self.require_steps(key, time, "")
+        whole(self._duration_key, self.duration, self.label("sample"), self.spacing)
 
     @property
     def has_tolerance(self) -> bool:
@@ -239,16 +234,11 @@ def implied(run: RunSettings, changes: Mapping[str, object]) -> dict[str, None]:
     gone: list[str] = []
     if tolerances or step:
         gone += ["run.tolerance", "run.relative_tolerance", "run.step" if tolerances else "run.accuracy"]
-    if (tolerances and not controllable(run)) or (step and run.method == AUTO):
+    known = run.method in data_files.names("methods")  # a user's file is read only when it runs
+    controllable = run.controlled or (known and method(run.method).controlled)
+    if (tolerances and not controllable) or (step and run.method == AUTO):
         gone += ["run.method"]
     return dict.fromkeys(gone)
-
-
-def controllable(run: RunSettings) -> bool:
-    """Whether steps by the method of a run can be adapted to a tolerance; a user's file is read only when it runs."""
-    if run.controlled or documents.is_user_file(run.method):
-        return run.controlled
-    return run.method in data_files.names("methods") and method(run.method).controlled
 
 
 def steps_explicitly(run: RunSettings) -> bool:

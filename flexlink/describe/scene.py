@@ -19,6 +19,7 @@ from flexlink.common.types import Array
 from flexlink.common.wording import missing, short_list
 from flexlink.data import documents
 from flexlink.describe import scene_checks as checks
+from flexlink.describe import spec
 from flexlink.describe.actions import PrescribedMotion, Wrench
 from flexlink.describe.arm import Arm
 from flexlink.describe.drive import Drive
@@ -29,21 +30,7 @@ from flexlink.describe.reference import Reference
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.run_settings import RunSettings, implied, of_run_alone
 from flexlink.describe.sensor import Sensor, sensor_mistakes
-from flexlink.describe.spec import (
-    Positive,
-    Spec,
-    Vector3,
-    build_validated,
-    check_all,
-    check_keys,
-    decode,
-    fields_of,
-    is_unchecked,
-    key_mistakes,
-    measured_in,
-    mistakes,
-    raise_together,
-)
+from flexlink.describe.spec import Positive, Spec, Vector3, measured_in
 from flexlink.describe.tie import Tie, tie_mistakes
 from flexlink.describe.vary import apply_changes, as_document, parts_by_key, to_document, top_level_keys, values_at
 from flexlink.describe.writing import toml_of, without_defaults
@@ -88,19 +75,18 @@ class Scene(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if is_unchecked():
+        if spec.is_unchecked():
             return
         if not self.name:
             raise SceneError("name = '': must not be empty", id="empty-name")
-        names = {
-            name: name if getattr(self.initial, name) else f"the default {name}" for name in ("joint_deg", "joint_m")
-        }
+        keys = "joint_deg", "joint_m"
+        names = {name: name if getattr(self.initial, name) else f"the default {name}" for name in keys}
         if not self.initial.joint_deg:
             self._put_joints_at_zero()
         self._read_files()
         arm, initial, drive, run = self.arm, self.initial, self.drive, self.run
-        raise_together(checks.wrong_lists(arm, initial, drive))  # first: the other checks rely on the lists' lengths
-        check_all([
+        spec.raise_together(checks.wrong_lists(arm, initial, drive))  # first: other checks rely on the lists' lengths
+        spec.check_all([
             lambda: checks.check_grid(initial, drive, self.wrench, run),
             lambda: checks.check_rate(initial, drive, run),
             lambda: checks.check_limits(arm, initial, names),
@@ -109,8 +95,8 @@ class Scene(Spec, frozen=True):
             self._check_air,
             lambda: checks.check_base(arm, initial, drive),
             lambda: checks.check_wrench(arm, self.wrench),
-            lambda: raise_together(sensor_mistakes(self.sensor, arm)),
-            lambda: raise_together(tie_mistakes(self.tie, arm)),
+            lambda: spec.raise_together(sensor_mistakes(self.sensor, arm)),
+            lambda: spec.raise_together(tie_mistakes(self.tie, arm)),
         ])  # fmt: skip
 
     def _check_air(self) -> None:
@@ -125,10 +111,8 @@ class Scene(Spec, frozen=True):
             return
         from flexlink.describe.from_files import filled_from_files  # noqa: PLC0415  few scenes name files
 
-        filled = filled_from_files(
-            self.arm, motion=self.motion, drive=self.drive, wrench=self.wrench, initial=self.initial
-        )
-        for name, value in filled.items():
+        given = {name: getattr(self, name) for name in ("motion", "drive", "wrench", "initial")}
+        for name, value in filled_from_files(self.arm, **given).items():
             msgspec.structs.force_setattr(self, name, value)
 
     @property
@@ -271,7 +255,7 @@ class Scene(Spec, frozen=True):
             return self._varied(changes)
         known = tuple((path, type(value), value) for path, value in changes.items())
         run = RUNS(self.run, known, lambda: self._varied(changes).run)
-        varied: Scene = build_validated(replace, self, run=run)
+        varied: Scene = spec.build_validated(replace, self, run=run)
         checks.check_named(varied.arm, varied.run)
         return varied
 
@@ -319,7 +303,7 @@ class Scene(Spec, frozen=True):
             warnings.warn(Diagnostic(text, id="strain-gauges-left-out"), UserWarning, stacklevel=2)
         kept = {name: getattr(self, name) for name in ("drive", "motion", "wrench", "tie")}
         sensors = tuple(sensor for sensor in self.sensor if sensor.kind != "strain")
-        rigid: Scene = build_validated(replace, bare_and_rigid(self), sensor=sensors, **kept)
+        rigid: Scene = spec.build_validated(replace, bare_and_rigid(self), sensor=sensors, **kept)
         return rigid
 
     def values_at(self, path: str) -> list[Any]:
@@ -383,12 +367,8 @@ class Scene(Spec, frozen=True):
         return {key: to_document(value) for key, value in parts.items() if key in wanted and value is not None}
 
 
-@keep_last(64)
-def _course(
-    reference: Reference, start: tuple[float, ...], free: tuple[int, ...], slides: tuple[bool, ...]
-) -> ReferenceTrajectory:
-    """Trajectory of a reference, cached because all runs of a scene share it."""
-    return reference.course(start, free, slides)
+_course = keep_last(64)(Reference.course)
+"""Trajectory of a reference, cached because all runs of a scene share it."""
 
 
 def scene_from(
@@ -397,57 +377,55 @@ def scene_from(
     """Build a scene from a parsed file and from checked parts of another scene; `finite` as in `decode`."""
     required = [field.encode_name for field in _fields() if field.required and field.encode_name not in kept]
     try:
-        check_keys(raw, FIELDS, required)
-        values = {**kept, **{key: decode(value, FIELDS[key], key, finite=finite) for key, value in raw.items()}}
+        spec.check_keys(raw, FIELDS, required)
+        values = {**kept, **{key: spec.decode(value, FIELDS[key], key, finite=finite) for key, value in raw.items()}}
         arm = arm or _arm_of(values)
     except SceneError:
-        raise_together(_mistakes(raw, kept, required))
+        spec.raise_together(_mistakes(raw, kept, required))
         raise
     of_scene = FIELDS.keys() - OF_ARM.keys()
-    return build_validated(Scene, arm=arm, **{key: value for key, value in values.items() if key in of_scene})
+    return spec.build_validated(Scene, arm=arm, **{key: value for key, value in values.items() if key in of_scene})
 
 
 def _arm_of(values: Mapping[str, Any]) -> Arm:
-    return build_validated(Arm, **{OF_ARM[key].name: value for key, value in values.items() if key in OF_ARM})
+    return spec.build_validated(Arm, **{OF_ARM[key].name: value for key, value in values.items() if key in OF_ARM})
 
 
 def _mistakes(raw: Mapping[str, Any], kept: Mapping[str, Any], required: Sequence[str]) -> Iterator[Diagnostic]:
     """All mistakes in a parsed file, key by key; if the arm's parts are valid, also contradictions between them."""
-    yield from key_mistakes(raw, list(FIELDS), required)
-    wrong = {key: mistakes(value, FIELDS[key], key) for key, value in raw.items() if key in FIELDS}
+    yield from spec.key_mistakes(raw, list(FIELDS), required)
+    wrong = {key: spec.mistakes(value, FIELDS[key], key) for key, value in raw.items() if key in FIELDS}
     for found in wrong.values():
         yield from found
     of_arm = wrong.keys() & OF_ARM.keys()
     if not any(wrong[key] for key in of_arm) and "link" in {*kept, *of_arm}:
         try:
-            _arm_of({**kept, **{key: decode(raw[key], FIELDS[key], key) for key in of_arm}})
+            _arm_of({**kept, **{key: spec.decode(raw[key], FIELDS[key], key) for key in of_arm}})
         except SceneError as error:
             yield error.diagnostic
 
 
 def _fields() -> list[FieldInfo]:
     """Fields of a scene file."""
-    return [field for field in (*fields_of(Scene), *fields_of(Arm)) if field.name != "arm"]
+    return [field for field in (*spec.fields_of(Scene), *spec.fields_of(Arm)) if field.name != "arm"]
 
 
 RUNS = Memo(256)
 """Cached run settings, keyed by the original settings and the changes to them; scenes share them."""
 FIELDS: dict[str, Any] = {field.encode_name: field.type for field in _fields()}
 """Type at each key of a scene file, where the keys of the arm are at the top level, beside the keys of the scene."""
-OF_ARM = {field.encode_name: field for field in fields_of(Arm)}
+OF_ARM = {field.encode_name: field for field in spec.fields_of(Arm)}
 """Fields of the arm, by their keys."""
 
 
 def bare_and_rigid(scene: Scene) -> Scene:
     """The rigid scene without drive, motions, wrench and sensors, as control laws use it."""
-    return build_validated(_bare_and_rigid, scene)
+    return spec.build_validated(_bare_and_rigid, scene)
 
 
 def _bare_and_rigid(scene: Scene) -> Scene:
-    links, given = scene.arm.links, scene.initial
-    free = [
-        position for position, link in zip(scene.joint_positions.tolist(), links, strict=True) if not link.joint.locked
-    ]
+    links, given, positions = scene.arm.links, scene.initial, scene.joint_positions.tolist()
+    free = [position for position, link in zip(positions, links, strict=True) if not link.joint.locked]
     # coordinates of a base that floats, which come first in a chain
     of_base = (given.q or ())[: 6 if scene.arm.base.free else 0]
     q = None if given.q is None else (*of_base, *free)  # a complete state may exceed the limits

@@ -5,7 +5,6 @@ Messages name the path, the value and what is allowed. `wrong_lists` yields all 
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterator, Mapping, Sequence
 
 from flexlink.common.errors import ArgumentError, Diagnostic, SceneError
@@ -20,17 +19,18 @@ from flexlink.describe.joint_units import OF_JOINT, misplaced
 from flexlink.describe.numbers import whole
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.run_settings import RunSettings, check_method
-from flexlink.describe.spec import Spec, check_all, fields_of, is_per_link, link_key
+from flexlink.describe.spec import check_all, fields_of, is_per_link, link_key
 
 
 def wrong_lists(arm: Arm, initial: InitialState, drive: Drive) -> Iterator[Diagnostic]:
-    """Mistakes in lists of one number per link: wrong length, nonzero for a locked joint, or wrong unit."""
-    links = arm.links
+    """Mistakes in lists of one number per link: missing, wrong length or unit, or nonzero for a locked joint."""
+    links, names = arm.links, [link.name for link in arm.links]
     reference = drive.reference.per_link if drive.reference is not None else {}
     parts: dict[str, InitialState | Drive] = {"initial": initial, "drive": drive}
     per_link: dict[str, tuple[float, ...] | None] = {
-        f"{path}.{name}": getattr(part, name) for path, part in parts.items() for name in _lists_of(type(part))
-    }
+        f"{path}.{field.name}": getattr(part, field.name)
+        for path, part in parts.items() for field in fields_of(type(part)) if is_per_link(field.type)
+    }  # fmt: skip
     per_link |= {f"drive.torques[{k}]": row for k, row in enumerate(drive.torques or ())}
     per_link |= {f"drive.reference.{key}": row for key, row in reference.items() if len(row) == len(links)}
     allowed_for_locked = "initial.joint_", "drive.target_", "drive.effort", "drive.max_rate_"
@@ -46,27 +46,19 @@ def wrong_lists(arm: Arm, initial: InitialState, drive: Drive) -> Iterator[Diagn
             if link.joint.locked and values[k] and not key.startswith(allowed_for_locked):
                 path = f"{arm.path(k + 1, key)} = {values[k]!r}"
                 yield Diagnostic(f"{path}: the joint of {link.name!r} is locked; must be 0", "locked-and-moving")
-    for k, key, wrong in misplaced(arm.slides, [link.name for link in links], fitting):
+    for k, key, wrong in misplaced(arm.slides, names, fitting):
         if key.startswith("initial.") or not links[k].joint.locked:
             path = f"{arm.path(k + 1, key)} = {fitting[key][k]!r}"
             yield Diagnostic(f"{path}: {wrong}", "unit-of-joint")
-    if drive.controls and not reference:
-        yield from _missing_targets(arm, drive)
-    yield from drive.unknown_links([link.name for link in links])
-
-
-@functools.cache
-def _lists_of(kind: type[Spec]) -> tuple[str, ...]:
-    """Names of the fields that are lists of one number per link."""
-    return tuple(field.name for field in fields_of(kind) if is_per_link(field.type))
-
-
-def _missing_targets(arm: Arm, drive: Drive) -> Iterator[Diagnostic]:
-    """Report missing targets of a controller for revolute or prismatic joints."""
-    for key, slides in (("target_deg", False), ("target_m", True)):
-        names = [link.name for link in arm.links if not link.joint.locked and link.joint.slides == slides]
-        if names and getattr(drive, key) is None:
-            yield Diagnostic(f"drive.{key}: missing; joint {names[0]!r} is {OF_JOINT[slides].name}", "missing-key")
+    targets = {"target_deg": False, "target_m": True} if drive.controls and not reference else {}
+    for key, slides in targets.items():
+        aimed = [link.name for link in links if not link.joint.locked and link.joint.slides == slides]
+        if aimed and getattr(drive, key) is None:
+            yield Diagnostic(f"drive.{key}: missing; joint {aimed[0]!r} is {OF_JOINT[slides].name}", "missing-key")
+    for k, each in enumerate(drive.filter):
+        if each.link and each.link not in names:
+            allowed = f"no such link; allowed are {', '.join(names)}{did_you_mean(each.link, names)}"
+            yield Diagnostic(f"drive.filter[{k}].link = {each.link!r}: {allowed}", "unknown-name")
 
 
 def check_limits(arm: Arm, initial: InitialState, names: Mapping[str, str]) -> None:

@@ -49,7 +49,9 @@ def load_scene(path: str | Path, *, changes: Mapping[str, object] = MappingProxy
     path = documents.require_path("path", path)
     raw = documents.with_absolute_paths(path.parent, documents.read_toml(path))
     with documents.errors_of(path):
-        _refuse_other(raw)
+        if "scene" in raw and "link" not in raw:  # the file names a scene
+            what, command = ("fit problem", "fit") if "parameter" in raw else ("sweep", "sweep")
+            raise SceneError(f"this is a {what}, not a scene; run it by flexlink {command}", id="is-no-scene")
         try:
             scene = _checked(raw)
         except SceneError:
@@ -71,13 +73,6 @@ def refuse_scene(document: dict[str, Any], path: Path, what: str) -> None:
         example = "models/fits/tapped.toml" if "fit" in what else "models/sweeps/payload.toml"
         text = f"this is a scene; {what} names one by scene = {path.name!r} and adds what to vary, as {example} does"
         raise SceneError(text, id="is-a-scene")
-
-
-def _refuse_other(raw: dict[str, Any]) -> None:
-    """Refuse a file that names a scene, given instead of the scene."""
-    if "scene" in raw and "link" not in raw:
-        what, command = ("fit problem", "fit") if "parameter" in raw else ("sweep", "sweep")
-        raise SceneError(f"this is a {what}, not a scene; run it by flexlink {command}", id="is-no-scene")
 
 
 def scene_named(document: dict[str, Any], folder: Path) -> Scene:

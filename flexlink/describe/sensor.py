@@ -16,13 +16,10 @@ from flexlink.describe.directions import unit
 from flexlink.describe.filters import MOST, Filter, Frequency
 from flexlink.describe.joint_units import OF_JOINT
 from flexlink.describe.link import Link
-from flexlink.describe.rigidity import Rigidity
 from flexlink.describe.spec import LARGE, SMALL, Deviation, NonNegative, Positive, Spec, Vector3, link_key, measured_in
 
 Kind = Literal["strain", "accelerometer", "gyroscope", "joint", "torque", "current", "position"]
 """Measured quantity of a sensor."""
-
-
 KINDS: dict[str, tuple[tuple[str, ...], tuple[str, ...], str]] = {
     "strain": (("x", "fibre"), (), "1"),
     "accelerometer": ((), ("x", "point", "axis"), "m/s²"),
@@ -247,7 +244,11 @@ def _misfits(sensor: Sensor, arm: Arm) -> Iterator[Diagnostic]:
     if beyond := beyond_beam(sensor.x, link):
         yield beyond
     elif kind == "strain" and link.rigidity in arm.rigidities and sensor.x is not None:
-        yield from _on_a_jump(sensor.x, link, arm.rigidities[link.rigidity or ""])
+        jump, aside = arm.rigidities[link.rigidity or ""].jump_at(sensor.x, link.flex), 1e-3 * link.beam.length
+        if jump is not None:  # the strain is ambiguous there
+            remedy = f"move the gauge to one side, such as x = {jump - aside:.6g} or {jump + aside:.6g}"
+            text = f"EI of link {link.name!r}, and so the strain, jumps there; {remedy}"
+            yield Diagnostic(f"x = {sensor.x!r}: {text}", "gauge-on-jump")
 
 
 def beyond_beam(x: float | None, link: Link) -> Diagnostic | None:
@@ -256,15 +257,6 @@ def beyond_beam(x: float | None, link: Link) -> Diagnostic | None:
         return None
     text = f"x = {x!r}: beyond the beam of link {link.name!r}, which is {link.beam.length:g} m long"
     return Diagnostic(text, "out-of-range")
-
-
-def _on_a_jump(x: float, link: Link, table: Rigidity) -> Iterator[Diagnostic]:
-    """Report a gauge at a jump of EI, where the strain is ambiguous."""
-    jump, aside = table.jump_at(x, link.flex), 1e-3 * link.beam.length
-    if jump is not None:
-        remedy = f"move the gauge to one side, such as x = {jump - aside:.6g} or {jump + aside:.6g}"
-        text = f"EI of link {link.name!r}, and so the strain, jumps there; {remedy}"
-        yield Diagnostic(f"x = {x!r}: {text}", "gauge-on-jump")
 
 
 def is_on_base(sensor: Sensor, arm: Arm) -> bool:

@@ -194,7 +194,7 @@ def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) 
     units = units_of(kind)
     for part in re.findall(r"\w+|\.\.\.", tail.rstrip("`")):
         if part == "...":  # msgspec does not name the key of a dict
-            key = next(k for k, item in value.items() if not _fits(item, type_below(below, k)))
+            key = next(k for k, item in value.items() if mistakes(item, type_below(below, k)))
         else:
             key = int(part) if isinstance(value, list | tuple) else part
         keys.append(key)
@@ -237,14 +237,6 @@ def _unknown(name: str, value: object, allowed: Sequence[str], where: str = "") 
 
 def _missing(key: str) -> Diagnostic:
     return Diagnostic(f"{key}: missing; this key is required", "missing-key")
-
-
-def _fits(value: object, kind: Any) -> bool:
-    try:
-        msgspec.convert(value, kind)
-    except msgspec.ValidationError:
-        return False
-    return True
 
 
 def path_to(keys: Iterable[Any], value: Any, kind: Any, path: str = "") -> str:

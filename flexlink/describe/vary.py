@@ -123,20 +123,13 @@ def as_document(value: Any) -> Any:
     return to_document(value)
 
 
-@keep_last(64)
-def _kept_document(part: Spec | tuple[Any, ...]) -> Any:
-    """A part of a scene as parsed TOML, cached."""
-    return to_document(part)
+_kept_document = keep_last(64)(to_document)
+"""A part of a scene as parsed TOML, cached."""
 
 
 def parts_by_key(spec: Spec) -> dict[str, Any]:
     """Fields of a description by their keys in a file."""
     return {field.encode_name: getattr(spec, field.name) for field in fields_of(type(spec))}
-
-
-@functools.cache
-def _keys_of(kind: type[msgspec.Struct]) -> tuple[str, ...]:
-    return tuple(field.encode_name for field in fields_of(kind))
 
 
 class _Change:
@@ -175,9 +168,6 @@ class _Change:
             else:
                 yield node, key, (*above, key)
 
-    def _above(self, depth: int) -> str:
-        return ".".join(self.parts[:depth])
-
     def _keys(self, node: Any, kind: Any, depth: int) -> Sequence[Any]:
         """Keys of the table, or indices of list items, selected by this part of the path."""
         # names of the components of a vector
@@ -187,9 +177,9 @@ class _Change:
         part = self.parts[depth]
         if isinstance(kind, dict):
             return [self._one_of(part, kind, keys=True)]
-        above, per_link, kind = self._above(depth), is_per_link(kind), bare_type(kind)
+        above, per_link, kind = ".".join(self.parts[:depth]), is_per_link(kind), bare_type(kind)
         if isinstance(node, dict) and is_record(kind):
-            return [self._one_of(part, _keys_of(kind), keys=True)]
+            return [self._one_of(part, [field.encode_name for field in fields_of(kind)], keys=True)]
         if isinstance(node, dict) and get_origin(kind) is dict:
             new = depth == len(self.parts) - 1  # a complete material or section
             return list(node) if part == "*" else [part if new else self._one_of(part, node)]
@@ -198,8 +188,10 @@ class _Change:
             return self._numbers(part, names, [True] * len(node))
         if isinstance(node, list) and len(node) == len(self.links) and (above == "link" or per_link):
             names, concerned = [str(get_in(link, "name")) for link in self.links], self._concerned(above, depth)
-            idle = part == "*" and above == "link" and not any(concerned)
-            return [] if idle and self._is_there(self.parts[depth + 1 :]) else self._numbers(part, names, concerned)
+            idle, below = part == "*" and above == "link" and not any(concerned), self.parts[depth + 1 :]
+            # links that the same call makes rigid have one segment already
+            there = idle and all(get_in(link, *below) == self.value for link in self.links)
+            return [] if there else self._numbers(part, names, concerned)
         if isinstance(node, list) and kind == Vector3 and len(node) == len(axes):
             return [axes.index(self._one_of(part, axes))]
         kind_of = above.rpartition(".")[2]
@@ -227,10 +219,6 @@ class _Change:
         allowed = f"{', '.join(names)}, a number from 1 to {len(names)} or *"
         listed = f"; allowed are {allowed}{did_you_mean(part, names)}"
         raise self.error(f"{part!r} is unknown here{why_not(part, None) or listed}")
-
-    def _is_there(self, below: Sequence[str]) -> bool:
-        """Whether all links have the value already, such as one segment in links that the same call makes rigid."""
-        return all(get_in(link, *below) == self.value for link in self.links)
 
     def _concerned(self, above: str, depth: int) -> list[bool]:
         """Whether the key has an effect on each link."""

@@ -35,7 +35,7 @@ from flexlink.common.products import product
 from flexlink.common.types import Array, Indices
 from flexlink.describe.arm import BASE
 from flexlink.formats import document
-from flexlink.formats.document import UPPER_TRIANGLE, WIDE, Capsule, Tip, decimals, valid
+from flexlink.formats.document import UPPER_TRIANGLE, WIDE, Tip, decimals, valid
 from flexlink.formats.principal import SMALLEST, _inertial, _largest_possible, _principal, _require_loadable
 from flexlink.kernels.layout import BODY, HINGE, SLIDES
 
@@ -52,12 +52,9 @@ USER_FIELDS = sorted(
 
 
 def to_mjcf(
-    chain: Chain,
-    *,
-    shapes: bool = True,
-    initial: tuple[ArrayLike, ArrayLike] | None = None,
+    chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, ArrayLike] | None = None,
     timestep: float | None = None,
-) -> str:
+) -> str:  # fmt: skip
     """Write a chain as MJCF.
 
     Parameters
@@ -100,10 +97,8 @@ def to_mjcf(
     for parent in chain.bodies["parent"].tolist():
         depth.append(1 + depth[parent])
     if (nested := max(depth)) > most_bodies:
-        raise ArgumentError(
-            f"{chain.name}: {nested} bodies: MuJoCo reads at most {most_bodies}; use fewer segments, or URDF",
-            id="too-many-joints",
-        )
+        text = f"{nested} bodies: MuJoCo reads at most {most_bodies}; use fewer segments, or URDF"
+        raise ArgumentError(f"{chain.name}: {text}", id="too-many-joints")
     root = ET.Element("mujoco", model=valid(chain.name))
     compiler = {
         "angle": "radian", "autolimits": "false", "inertiafromgeom": "false", "balanceinertia": "false",
@@ -193,7 +188,11 @@ def _bodies(world: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> N
             for hinge in waiting:
                 hinge.write(parent, joints[hinge.k], hinges[hinge.k], chain.coordinates[hinge.k])
             for capsule in shown.get(int(body["stop"]) - 1, []):
-                _shape(parent, capsule)
+                ET.SubElement(
+                    parent, "geom", type="capsule", fromto=decimals([0, 0, 0, *capsule.end]),
+                    size=decimals([capsule.radius]), contype="0", conaffinity="0", mass="0", group="1",
+                    material=capsule.colour[0],
+                )  # fmt: skip
             frame, waiting = HERE, []
         opened.append((parent, frame, waiting))
 
@@ -210,16 +209,12 @@ def _require_one_way(chain: Chain, body: np.void, waiting: list[_Hinge]) -> None
     """Refuse hinges at a massless point unless exactly one body follows, because they are written in this body."""
     if not waiting:
         return
-    name = document.xml_joint_names(chain)[waiting[0].k]
+    name, text = document.xml_joint_names(chain)[waiting[0].k], "which MuJoCo refuses; add mass, or use URDF"
     if body["first"] == body["stop"]:
-        raise ArgumentError(
-            f"joint {name!r} moves no mass, which MuJoCo refuses; add mass, or use URDF", id="joint-without-inertia"
-        )
+        raise ArgumentError(f"joint {name!r} moves no mass, {text}", id="joint-without-inertia")
     if chain.bodies["fork"][body["parent"] - 1]:
-        raise ArgumentError(
-            f"links branch off joint {name!r} at a point without mass, which MuJoCo refuses; add mass, or use URDF",
-            id="joint-without-inertia",
-        )
+        text = f"links branch off joint {name!r} at a point without mass, {text}"
+        raise ArgumentError(text, id="joint-without-inertia")
 
 
 def _tip(parent: ET.Element, own: ET.Element, tip: Tip, *, of_arm: bool) -> None:
@@ -251,13 +246,6 @@ def _keyframe(parent: ET.Element, chain: Chain, initial: tuple[ArrayLike, ArrayL
 
 def _exact(own: ET.Element, name: str, *values: float) -> None:
     ET.SubElement(own, "numeric", name=f"flexlink.{name}", data=decimals(values))
-
-
-def _shape(body: ET.Element, capsule: Capsule) -> None:
-    ET.SubElement(
-        body, "geom", type="capsule", fromto=decimals([0, 0, 0, *capsule.end]), size=decimals([capsule.radius]),
-        contype="0", conaffinity="0", mass="0", group="1", material=capsule.colour[0],
-    )  # fmt: skip
 
 
 def _safe_step(chain: Chain) -> float:
@@ -345,11 +333,9 @@ def diagonal_remainder(chain: Chain, field: str) -> Array:
     left = own - taken
     if (left < 0).any():
         k, (name, unit) = int(np.argmin(left)), SHARED[field]
-        raise ArgumentError(
-            f"joint {chain.joint_name(k)!r}: {name} to other joints of its cell total {taken[k]:.6g} {unit}, more than "
-            f"its own {own[k]:.6g} {unit}: MuJoCo's tendons cannot represent that; {_instead(chain, k, field)}",
-            id="tendon-stiffness",
-        )
+        text = f"joint {chain.joint_name(k)!r}: {name} to other joints of its cell total {taken[k]:.6g} {unit}, more "
+        text += f"than its own {own[k]:.6g} {unit}: MuJoCo's tendons cannot represent that; {_instead(chain, k, field)}"
+        raise ArgumentError(text, id="tendon-stiffness")
     return left
 
 

@@ -78,12 +78,9 @@ def _require_loadable(chain: Chain, body: np.void, moments: Array) -> None:
     number = chain.coordinate(joint).link
     link = f"link {chain.link_names[number - 1]!r}" if number else "the base"
     rule = f"requires {SMALLEST:g} or more of each" if light else "accepts no moment larger than the other two together"
-    raise ArgumentError(
-        f"segment after joint {chain.joint_name(joint)!r}: mass {body['mass']:.3g} kg, principal moments of inertia "
-        f"{', '.join(f'{moment:.3g}' for moment in moments)} kg m²: MuJoCo {rule}; change section, segments or hub of "
-        f"{link} or the payload, or use URDF",
-        id="inertia-impossible",
-    )
+    text = f"segment after joint {chain.joint_name(joint)!r}: mass {body['mass']:.3g} kg, principal moments of inertia "
+    text += f"{', '.join(f'{moment:.3g}' for moment in moments)} kg m²: MuJoCo {rule}; change section, segments or hub "
+    raise ArgumentError(f"{text}of {link} or the payload, or use URDF", id="inertia-impossible")
 
 
 def _largest_possible(moments: Array) -> float:

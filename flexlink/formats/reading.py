@@ -28,7 +28,7 @@ from flexlink.common.errors import DataFileError, FlexlinkError
 from flexlink.common.safe_xml import numbers_of, parse
 from flexlink.common.types import Array
 from flexlink.describe.arm import BASE
-from flexlink.formats.document import ROTATION_SPRINGS, UPPER_TRIANGLE, WIDE
+from flexlink.formats.document import ROTATION_SPRINGS, UPPER_TRIANGLE
 from flexlink.kernels.layout import COUPLING, HINGE, SLIDES, SPRINGS
 
 ROUNDING = 1e-14  # rounding error of angles and quaternions, which depends on the machine's mathematical library
@@ -218,12 +218,6 @@ def coordinate(node: Node, numbers: Sequence[float], links: Sequence[str]) -> Co
     return found
 
 
-def limits_of(lower: float, upper: float) -> dict[str, float]:
-    """Return the limits of a hinge; the limits that the writer uses for unlimited joints become infinite."""
-    least, most = map(float, WIDE.values())
-    return {"lower": -np.inf if lower == least else lower, "upper": np.inf if upper == most else upper}
-
-
 def inertia_matrix(moments: Sequence[float]) -> Array:
     """Return the symmetric matrix from its upper triangle in the order of `UPPER_TRIANGLE`."""
     I = np.zeros((3, 3))
@@ -341,10 +335,8 @@ def _couplings(coupled: Iterable[Node], hinges: Sequence[Hinge], before: int) ->
         for field, value in zip(("stiffness", "damping"), constants, strict=True):
             most = math.sqrt(hinges[i].numbers[field]) * math.sqrt(hinges[j].numbers[field])
             if abs(value) > most * (1 + ROUNDING):
-                raise one.error(
-                    f"{field} = {value!r} between joints {inner[:60]!r} and {outer[:60]!r}: must not exceed "
-                    f"{most!r}, the geometric mean of the joints' values"
-                )
+                between = f"{field} = {value!r} between joints {inner[:60]!r} and {outer[:60]!r}"
+                raise one.error(f"{between}: must not exceed {most!r}, the geometric mean of the joints' values")
     return np.array([(*pair, *constants) for pair, constants in found.items()], dtype=COUPLING)
 
 
@@ -365,16 +357,15 @@ def _put_rotation_springs(own: Node, key: str, bodies: NDArray[np.void], axes: S
 
 def _require_sound(hinge: Hinge) -> None:
     """Refuse invalid numbers that the algorithms do not refuse themselves."""
+    numbers = hinge.numbers
     for key in ("stiffness", "damping", "coulomb"):
-        if hinge.numbers[key] < 0:
-            raise hinge.node.error(f"{key} = {hinge.numbers[key]!r}: must not be negative")
-    if hinge.numbers["coulomb_width"] <= 0:
-        raise hinge.node.error(f"coulomb_width = {hinge.numbers['coulomb_width']!r}: must be > 0")
-    if not hinge.numbers["lower"] <= hinge.numbers["upper"]:
-        raise hinge.node.error(
-            f"limits {hinge.numbers['lower']!r} … {hinge.numbers['upper']!r}: lower must not exceed upper"
-        )
-    if hinge.numbers["prescribed"] not in {0, 1}:
-        raise hinge.node.error(f"prescribed = {hinge.numbers['prescribed']!r}: must be 0 or 1")
+        if numbers[key] < 0:
+            raise hinge.node.error(f"{key} = {numbers[key]!r}: must not be negative")
+    if numbers["coulomb_width"] <= 0:
+        raise hinge.node.error(f"coulomb_width = {numbers['coulomb_width']!r}: must be > 0")
+    if not numbers["lower"] <= numbers["upper"]:
+        raise hinge.node.error(f"limits {numbers['lower']!r} … {numbers['upper']!r}: lower must not exceed upper")
+    if numbers["prescribed"] not in {0, 1}:
+        raise hinge.node.error(f"prescribed = {numbers['prescribed']!r}: must be 0 or 1")
     if hinge.body is not None and hinge.body[0] < 0:
         raise hinge.node.error(f"mass {hinge.body[0]!r} attached to it is negative")

@@ -85,10 +85,8 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
         _joint(model, chain, k, joints[k], (parent, links[k]))
     for tip, called in zip(document.tips(chain), frames, strict=True):
         if tip.parent < 0:
-            raise ArgumentError(
-                f"link {chain.link_names[tip.link - 1]!r} does not move; SDFormat attaches frames to moving links only",
-                id="sdf-fixed-link",
-            )
+            text = "does not move; SDFormat attaches frames to moving links only"
+            raise ArgumentError(f"link {chain.link_names[tip.link - 1]!r} {text}", id="sdf-fixed-link")
         number = {"flexlink:link": str(tip.link)} if called != frames[-1] else {}
         frame = ET.SubElement(model, "frame", {"name": called, "attached_to": links[tip.parent], **number})
         _pose(frame, tip.translation, tip.rotation, {})
@@ -135,15 +133,11 @@ def _contents(link: ET.Element, body: np.void, shown: list[Capsule]) -> None:
     _values(inertial, {"pose": decimals([*body["center"], 0, 0, 0]), "mass": decimals([body["mass"]])})
     _values(ET.SubElement(inertial, "inertia"), document.moments_text(body))
     for number, capsule in enumerate(shown):
-        _shape(link, capsule, f"capsule_{number + 1}" if number else "capsule")
-
-
-def _shape(link: ET.Element, capsule: Capsule, name: str) -> None:
-    visual = ET.SubElement(link, "visual", name=name)
-    _values(visual, {"pose": decimals(capsule.pose)})
-    dimensions = {"radius": decimals([capsule.radius]), "length": decimals([capsule.length])}
-    _values(ET.SubElement(ET.SubElement(visual, "geometry"), "capsule"), dimensions)
-    _values(ET.SubElement(visual, "material"), dict.fromkeys(("ambient", "diffuse"), capsule.colour[1]))
+        visual = ET.SubElement(link, "visual", name=f"capsule_{number + 1}" if number else "capsule")
+        _values(visual, {"pose": decimals(capsule.pose)})
+        dimensions = {"radius": decimals([capsule.radius]), "length": decimals([capsule.length])}
+        _values(ET.SubElement(ET.SubElement(visual, "geometry"), "capsule"), dimensions)
+        _values(ET.SubElement(visual, "material"), dict.fromkeys(("ambient", "diffuse"), capsule.colour[1]))
 
 
 def _joint(model: ET.Element, chain: Chain, k: int, name: str, ends: tuple[str, str]) -> None:
@@ -178,7 +172,11 @@ def _chain(sdf: Node) -> Chain:
         raise model.error(f"{len(joints)} joints, {len(bodies)} links: not a file written by flexlink")
     behind = {_text(joint, "child"): joint.attribute("name") for joint in joints}
     hinges = [_read_hinge(*both, links, behind) for both in zip(joints, bodies[len(floating) :], strict=True)]
-    ends = [_read_end(frame, links, behind) for frame in model.all("frame")]
+    ends = [
+        End(frame, reading.link_of(frame, f"{OWN}link", links), behind.get(frame.attribute("attached_to"), ""),
+            *_read_place(frame))
+        for frame in model.all("frame")
+    ]  # fmt: skip
     mass = _read_body(floating[0].one("inertial")) if floating else None
     gravity = sdf.one("world").one("gravity").numbers(3)
     coupled = model.all(f"frame/{OWN}coupling")
@@ -187,11 +185,6 @@ def _chain(sdf: Node) -> Chain:
 
 def _text(element: Node, path: str) -> str:
     return element.one(path).element.text or ""
-
-
-def _read_end(frame: Node, links: Sequence[str], behind: Mapping[str, str]) -> End:
-    parent = behind.get(frame.attribute("attached_to"), "")
-    return End(frame, reading.link_of(frame, f"{OWN}link", links), parent, *_read_place(frame))
 
 
 def _read_place(element: Node) -> tuple[Array, Array]:

@@ -26,11 +26,9 @@ def with_small_mass(chain: Chain, *, mass: float) -> Chain:
     The coordinates are the same; `added_inertia` bounds the change of the motion.
     """
     if require_type("chain", chain, Chain).has_rotation_springs:
-        raise ArgumentError(
-            f"{chain.name!r}: rotation-vector springs do not allow masses between their hinges; use a lumping rule "
-            "with springs = 'angles', for example gauss, or no small mass",
-            id="rotation-springs-in-file",
-        )
+        text = "rotation-vector springs do not allow masses between their hinges; use a lumping rule with springs = "
+        text += "'angles', for example gauss, or no small mass"
+        raise ArgumentError(f"{chain.name!r}: {text}", id="rotation-springs-in-file")
     return _filled(chain, positive("mass", mass), keep=True)
 
 

@@ -95,9 +95,8 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
         ET.SubElement(joint, "axis", xyz=document.axis_text(hinge))
         ET.SubElement(joint, "limit", LIMIT | document.limits(hinge))
         ET.SubElement(joint, "dynamics", {key: decimals([hinge[field]]) for key, field in DYNAMICS.items()})
-        ET.SubElement(
-            joint, "flexlink", document.custom_values(chain, k, STANDARD_FIELDS) | document.exact_rotation(rotation)
-        )
+        own_values = document.custom_values(chain, k, STANDARD_FIELDS) | document.exact_rotation(rotation)
+        ET.SubElement(joint, "flexlink", own_values)
         _contents(ET.SubElement(robot, "link", name=links[k + 1]), body, shown.get(k, []))
     ends = document.tips(chain)
     names = unique([*joints, "tip_joint", *(f"{tip.name}_joint" for tip in ends[:-1])])[chain.n :]
@@ -106,8 +105,12 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
         number = {} if tip is ends[-1] else {"link": str(tip.link)}
         ET.SubElement(fixed, "flexlink", number | document.exact_rotation(tip.rotation))
         ET.SubElement(robot, "link", name=tip.name)
-    for k in chain.active:
-        _motor(robot, joints[k])
+    for name in (joints[k] for k in chain.active):  # a transmission with reduction 1, as in ROS
+        transmission = ET.SubElement(robot, "transmission", name=name)
+        ET.SubElement(transmission, "type").text = "transmission_interface/SimpleTransmission"
+        interface = "hardware_interface/EffortJointInterface"
+        ET.SubElement(ET.SubElement(transmission, "joint", name=name), "hardwareInterface").text = interface
+        ET.SubElement(ET.SubElement(transmission, "actuator", name=name), "mechanicalReduction").text = "1"
     return document.text(robot)
 
 
@@ -128,29 +131,14 @@ def _contents(link: ET.Element, body: np.void | None, shown: list[Capsule]) -> N
         ET.SubElement(inertial, "mass", value=decimals([body["mass"]]))
         ET.SubElement(inertial, "inertia", document.moments_text(body))
     for capsule in shown:
-        _shape(link, capsule)
-
-
-def _shape(link: ET.Element, capsule: Capsule) -> None:
-    radius, length = decimals([capsule.radius]), decimals([capsule.length])
-    x, y, z, *rpy = capsule.pose
-    for kind, dimensions, xyz in (
-        ("cylinder", {"radius": radius, "length": length}, (x, y, z)),
-        ("sphere", {"radius": radius}, np.zeros(3)),
-    ):
-        visual = ET.SubElement(link, "visual")
-        ET.SubElement(visual, "origin", xyz=decimals(xyz), rpy=decimals(rpy))
-        ET.SubElement(ET.SubElement(visual, "geometry"), kind, dimensions)
-        ET.SubElement(visual, "material", name=capsule.colour[0])
-
-
-def _motor(robot: ET.Element, joint: str) -> None:
-    """Write a transmission with reduction 1, as in ROS."""
-    transmission = ET.SubElement(robot, "transmission", name=joint)
-    ET.SubElement(transmission, "type").text = "transmission_interface/SimpleTransmission"
-    interface = "hardware_interface/EffortJointInterface"
-    ET.SubElement(ET.SubElement(transmission, "joint", name=joint), "hardwareInterface").text = interface
-    ET.SubElement(ET.SubElement(transmission, "actuator", name=joint), "mechanicalReduction").text = "1"
+        radius, length = decimals([capsule.radius]), decimals([capsule.length])
+        x, y, z, *rpy = capsule.pose
+        cylinder = "cylinder", {"radius": radius, "length": length}, (x, y, z)
+        for kind, dimensions, xyz in (cylinder, ("sphere", {"radius": radius}, (0.0, 0.0, 0.0))):
+            visual = ET.SubElement(link, "visual")
+            ET.SubElement(visual, "origin", xyz=decimals(xyz), rpy=decimals(rpy))
+            ET.SubElement(ET.SubElement(visual, "geometry"), kind, dimensions)
+            ET.SubElement(visual, "material", name=capsule.colour[0])
 
 
 def read_urdf(text: str | bytes, *, what: str = "the URDF") -> Chain:
@@ -173,9 +161,8 @@ def read_urdf(text: str | bytes, *, what: str = "the URDF") -> Chain:
     DataFileError
         The file was not written by flexlink, or a number is missing, not finite, negative, or contradicts another.
     """
-    return reading.read(
-        text, what, tag="robot", to_chain=_chain, write=to_urdf, ignored=frozenset({"visual", "material"})
-    )
+    ignored = frozenset({"visual", "material"})
+    return reading.read(text, what, tag="robot", to_chain=_chain, write=to_urdf, ignored=ignored)
 
 
 def _chain(robot: Node) -> Chain:
@@ -185,16 +172,13 @@ def _chain(robot: Node) -> Chain:
     moving = [joint for joint in robot.all("joint") if joint.attribute("type") != "fixed"]
     behind = {joint.one("child").attribute("link"): joint.attribute("name") for joint in moving}
     hinges = [_read_hinge(joint, bodies, links, behind) for joint in moving]
-    ends = [_read_end(joint, links, behind) for joint in robot.all("joint[@type='fixed']")]
+    ends = [
+        End(joint, reading.link_of(joint.one("flexlink"), "link", links), _parent(joint, behind), *_read_place(joint))
+        for joint in robot.all("joint[@type='fixed']")
+    ]
     coupled = own.all("coupling")
     mass, gravity = _read_body(robot.one("link")), own.numbers(3, "gravity")
     return reading.chain_of(robot, own, "", gravity, links, hinges, ends, mass, coupled)
-
-
-def _read_end(joint: Node, links: Sequence[str], behind: Mapping[str, str]) -> End:
-    return End(
-        joint, reading.link_of(joint.one("flexlink"), "link", links), _parent(joint, behind), *_read_place(joint)
-    )
 
 
 def _parent(joint: Node, behind: Mapping[str, str]) -> str:
@@ -213,7 +197,8 @@ def _read_hinge(joint: Node, bodies: Mapping[str, Node], links: Sequence[str], b
     numbers = {key: own.number(key) for key in HINGE.names or () if key not in STANDARD_FIELDS}
     numbers |= {field: dynamics.number(key) for key, field in DYNAMICS.items()}
     axis, limit = joint.one("axis"), joint.one("limit")
-    numbers |= reading.limits_of(limit.number("lower"), limit.number("upper"))
+    lower, upper, (least, most) = limit.number("lower"), limit.number("upper"), map(float, WIDE.values())
+    numbers |= {"lower": -np.inf if lower == least else lower, "upper": np.inf if upper == most else upper}
     numbers["axis"] = axis.unit_axis(axis.numbers(3, "xyz"), joint.attribute("type"))
     place = reading.coordinate(own, own.numbers(3, "coordinate"), links)
     parent = _parent(joint, behind)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -37,23 +37,24 @@ class Colour(NamedTuple):
         """
         if not X.size:
             return X
-        found, p, a, size = scipy.signal.lfilter(self.a, [1.0], X, axis=0), len(self.a) - 1, self.a, 1.0
-        for t in range(p, 0, -1):  # reduce the predictor's order from t to t − 1 (Levinson-Durbin)
-            k = a[t]
-            a = (a - k * a[::-1])[:t] / (1 - k * k)
-            size *= math.sqrt(1 - k * k)
-            if t <= len(X):
-                found[t - 1] = size * (a[::-1] @ X[:t])
+        found = scipy.signal.lfilter(self.a, [1.0], X, axis=0)
+        for a, size in self._shorter():
+            if len(a) <= len(X):
+                found[len(a) - 1] = size * (a[::-1] @ X[: len(a)])
         return np.asarray(found)
+
+    def _shorter(self) -> Iterator[tuple[Array, float]]:
+        """Predictors of orders p − 1 … 0 (Levinson-Durbin), and innovations over the deviation of their errors."""
+        a, size = self.a, 1.0
+        while len(a) > 1:
+            k = a[-1]
+            a, size = (a - k * a[::-1])[:-1] / (1 - k * k), size * math.sqrt(1 - k * k)
+            yield a, size
 
     @property
     def share(self) -> float:
         """Ratio of the standard deviations of innovations and noise."""
-        a, size = self.a, 1.0
-        for t in range(len(self.a) - 1, 0, -1):
-            k = a[t]
-            a, size = (a - k * a[::-1])[:t] / (1 - k * k), size * math.sqrt(1 - k * k)
-        return size
+        return [1.0, *(size for _, size in self._shorter())][-1]
 
     def pulled_back(self, J: Array, past: int) -> Array:
         """Hᵀ J, latest sample first, shape (n + past, k); H maps n + past innovations to n samples of the noise."""
@@ -213,7 +214,9 @@ def noise_in(block: Block) -> float | None:
     if block.stated or block.t is None:
         return None
     longest = max(even_parts(block.t, UNEVEN), key=lambda part: part.stop - part.start)
-    return white_noise(without_outliers(block.y[longest]))
+    y = block.y[longest]
+    n, good = np.arange(len(y)), ~_spikes(y)
+    return white_noise(np.interp(n, n[good], y[good]) if good.any() else y)  # outliers are replaced between neighbours
 
 
 GAP, UNEVEN = 0.5, 0.1
@@ -240,15 +243,10 @@ def white_noise(y: Array) -> float | None:
     window, number = np.hanning(n), np.arange(n)
     power = np.abs(np.fft.rfft(window * (y - np.polyval(np.polyfit(number, y, 1), number)))) ** 2
     bands = [power[math.ceil(a * n / 2) : math.ceil(b * n / 2)] for a, b in itertools.pairwise(edges)]
-    sizes = [_without_lines(band) for band in bands]
+    far = 10.0  # medians: noise exceeds them once in a thousand times, unlike lines of mains hum
+    sizes = [float(band[band <= far * np.median(band)].mean()) for band in bands]
     σ = math.sqrt(float(np.mean(sizes)) / float(window @ window))
     return σ if 0 < max(sizes) < equal * min(sizes) and σ > least * float(np.ptp(y)) else None
-
-
-def _without_lines(power: Array) -> float:
-    """Mean of exponentially distributed powers, without the few that are larger, for example those of mains hum."""
-    far = 10.0  # medians; noise exceeds them once in a thousand times
-    return float(power[power <= far * np.median(power)].mean())
 
 
 def outliers_in(t: Array, y: Array, predicted: Array) -> npt.NDArray[np.bool_]:
@@ -258,12 +256,6 @@ def outliers_in(t: Array, y: Array, predicted: Array) -> npt.NDArray[np.bool_]:
     """
     parts = even_parts(t, GAP)
     return np.concatenate([_spikes(y[part]) & _spikes((y - predicted)[part]) for part in parts])
-
-
-def without_outliers(y: Array) -> Array:
-    """The samples, shape (n,), with outliers replaced by values between their neighbours."""
-    n, good = np.arange(len(y)), ~_spikes(y)
-    return np.asarray(np.interp(n, n[good], y[good])) if good.any() else y
 
 
 def _spikes(y: Array) -> npt.NDArray[np.bool_]:

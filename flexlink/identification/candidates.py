@@ -58,25 +58,14 @@ class Candidate(NamedTuple):
 
 
 class Bench:
-    """A problem at given values of its parameters, on which experiments are tried.
-
-    Attributes
-    ----------
-    problem, coordinates, x
-        The problem, its parameters, and the point.
-    scene
-        Its scene with the values of the parameters of all runs.
-    skipped
-        Experiments that do not apply or cannot be simulated, with the reason.
-    """
+    """A problem at the point x of its parameters, on which experiments are tried; `skipped` do not apply there."""
 
     def __init__(
         self, problem: FitProblem, sources: Sequence[Source], coordinates: Sequence[Coordinate], x: Array
     ) -> None:
         self.problem, self.coordinates, self.x = problem, coordinates, x
-        self.values = {
-            (one.run, one.path): one.value(float(at)) for one, at in zip(coordinates, x, strict=True) if not one.timing
-        }
+        pairs = [(one, float(at)) for one, at in zip(coordinates, x, strict=True) if not one.timing]
+        self.values = {(one.run, one.path): one.value(at) for one, at in pairs}
         self.common = {path: value for (run, path), value in self.values.items() if not run}
         self.scene = problem.scene.varied(self.common)
         self.skipped: list[Diagnostic] = []

@@ -26,13 +26,9 @@ from flexlink.motion.simulate import simulate
 
 
 def columns_of(
-    problem: FitProblem,
-    signals: Signals,
-    best: Found,
-    start: Array,
-    kept: Sequence[Source],
+    problem: FitProblem, signals: Signals, best: Found, start: Array, kept: Sequence[Source],
     report: Callable[[str], None],
-) -> tuple[FittedColumn, ...]:
+) -> tuple[FittedColumn, ...]:  # fmt: skip
     """All columns: first the fitted ones, then the columns of the sources `kept` to check the fit."""
     before = likelihood(signals, start, [[white(block) for block in part] for part in best.blocks])
     after = likelihood(signals, best.x, best.blocks)
@@ -77,14 +73,12 @@ def _beside(before: Likelihood, after: Likelihood) -> list[FittedColumn]:
     for source, old, new in zip(after.sources, before.rows, after.rows, strict=True):
         for was, now in zip(old, new, strict=True):
             block, residual = now.block, now.shown - now.block.y
-            found.append(
-                FittedColumn(
-                    source=source.name, name=block.name, use=source.use, t=block.t, measured=block.y, before=was.shown,
-                    after=now.shown, linear=None, gain=now.gain, bias=now.bias, noise=_noise(block),
-                    stated=block.stated, times_noise=float(np.sqrt(np.mean((residual / white(block).σ) ** 2))),
-                    whiteness=whiteness(residual) if block.t is not None else float("nan"),
-                )
-            )  # fmt: skip
+            found.append(FittedColumn(
+                source=source.name, name=block.name, use=source.use, t=block.t, measured=block.y, before=was.shown,
+                after=now.shown, linear=None, gain=now.gain, bias=now.bias, noise=_noise(block),
+                stated=block.stated, times_noise=float(np.sqrt(np.mean((residual / white(block).σ) ** 2))),
+                whiteness=whiteness(residual) if block.t is not None else float("nan"),
+            ))  # fmt: skip
     return found
 
 
@@ -130,7 +124,8 @@ def linear_models(
     no mode.
     """
     runs = [*fitted, *checks]
-    if not fitted or not all(_held(scene) for _, scene in runs):
+    chains = [lump(scene) for _, scene in runs]
+    if not fitted or not all(chain.held[chain.active].all() for chain in chains):
         return {}
     try:
         λ = _modes(fitted[0][1], min(source.rate for source, _ in fitted))
@@ -162,12 +157,6 @@ def linear_models(
         for (source, _), driven in zip(runs, inputs, strict=True)
         for block in source.blocks
     }
-
-
-def _held(scene: Scene) -> bool:
-    """Whether the motion of all joints is known."""
-    chain = lump(scene)
-    return bool(chain.held[chain.active].all())
 
 
 def _modes(scene: Scene, rate: float) -> Array:

@@ -95,7 +95,18 @@ class FitComparison:
     @property
     def findings(self) -> tuple[Diagnostic, ...]:
         """Which model is preferred, by how much, whether data that were not fitted agree, and scatter between runs."""
-        return (*(self._preference() if len(self.names) > 1 else ()), *self._scatter())
+        far = 3.0  # scatter between the folds, in standard deviations of the fit, above which runs differ
+        scattered = [
+            Diagnostic(
+                f"{name}: {one.name} differs between the runs: standard deviation {without.deviations[one.name]:.2g} "
+                f"from folds, {one.deviation:.2g} from the fit; the model lacks what differs",
+                "runs-differ",
+            )
+            for name, each, without in zip(self.names, self.fits, self.folds, strict=False)
+            for one in each.numbers
+            if one.name in without.deviations and without.deviations[one.name] > far * one.deviation > 0
+        ]
+        return (*(self._preference() if len(self.names) > 1 else ()), *scattered)
 
     def _preference(self) -> list[Diagnostic]:
         strong, alike = 10.0, 1.05  # difference of BIC that is very strong evidence; ratio of equal residuals
@@ -112,19 +123,6 @@ class FitComparison:
                 text += f"{self.names[best]} {held_out[best]:.3g}; the BIC counts what all models lack as noise"
                 found.append(Diagnostic(text, "held-out-prefers-another"))
         return found
-
-    def _scatter(self) -> list[Diagnostic]:
-        far = 3.0  # scatter between the folds, in standard deviations of the fit, above which runs differ
-        return [
-            Diagnostic(
-                f"{name}: {one.name} differs between the runs: standard deviation {without.deviations[one.name]:.2g} "
-                f"from folds, {one.deviation:.2g} from the fit; the model lacks what differs",
-                "runs-differ",
-            )
-            for name, each, without in zip(self.names, self.fits, self.folds, strict=False)
-            for one in each.numbers
-            if one.name in without.deviations and without.deviations[one.name] > far * one.deviation > 0
-        ]
 
     @property
     def tables(self) -> tuple[Table, ...]:
@@ -239,10 +237,8 @@ def _require_same(name: str, one: Fitted, other_name: str, other: Fitted) -> Non
     apart += [key for key in mine.keys() & theirs.keys() if not _equal(mine[key], theirs[key])]
     if apart:
         source, column, use = min(apart)
-        raise ArgumentError(
-            f"{name} and {other_name}: {column} of {source} ({use}) differs; expected the same data in all fits",
-            id="data-differ",
-        )
+        text = f"{column} of {source} ({use}) differs; expected the same data in all fits"
+        raise ArgumentError(f"{name} and {other_name}: {text}", id="data-differ")
 
 
 def _equal(one: FittedColumn, other: FittedColumn) -> bool:
@@ -295,7 +291,8 @@ class Folds:
     @property
     def values(self) -> dict[str, tuple[float, ...]]:
         """Estimates of every parameter that all fits have in common, one per fit."""
-        common = [one.name for one in self.fits[0].numbers if all(one.name in names_of(each) for each in self.fits)]
+        names = [{one.name for one in each.numbers} for each in self.fits]
+        common = [one.name for one in self.fits[0].numbers if all(one.name in each for each in names)]
         return {name: tuple(each[name].value for each in self.fits) for name in common}
 
     @property
@@ -303,11 +300,6 @@ class Folds:
         """Jackknife standard deviation of each of these parameters."""
         k = len(self.fits)
         return {name: float(np.sqrt((k - 1) * np.var(several))) for name, several in self.values.items()}
-
-
-def names_of(fitted: Fitted) -> set[str]:
-    """Names of the parameters of a fit."""
-    return {one.name for one in fitted.numbers}
 
 
 def folds(problem: FitProblem, *, grid: Grid = "ignore", progress: Callable[[str], None] | None = None) -> Folds:
@@ -359,12 +351,10 @@ def folds(problem: FitProblem, *, grid: Grid = "ignore", progress: Callable[[str
 def _without(problem: FitProblem, fitted: list[str], grid: Grid, report: Callable[[str], None]) -> Iterator[Fitted]:
     single = ("modes", "static", "frf")
     for name in fitted:
-        runs = tuple(
-            replace(run, use="check" if run.name == name else "fit") for run in problem.run if run.name in fitted
-        )
+        runs = (replace(run, use="check" if run.name == name else "fit") for run in problem.run if run.name in fitted)
         others = {key: tuple(one for one in getattr(problem, key) if one.use == "fit") for key in single}
         report(f"without run {name!r}")
         try:
-            yield fit(replace(problem, run=runs, **others), grid=grid, progress=report)
+            yield fit(replace(problem, run=tuple(runs), **others), grid=grid, progress=report)
         except IdentifiabilityError as error:
             raise IdentifiabilityError(f"without run {name!r}: {error}", error.check) from None

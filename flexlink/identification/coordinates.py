@@ -129,29 +129,21 @@ def shifted(t: Array, begin: float, column: str, timing: Sequence[tuple[Coordina
 def coordinate_of(scene: Scene, parameter: FitParameter, run: str = "") -> Coordinate:
     """Coordinate of one parameter of a scene."""
     furthest = 1e3  # default bounds of a logarithmic parameter: this factor below and above the initial guess
-    value = _value(scene, parameter)
-    log = parameter.scale == "log" or (
-        parameter.scale == "auto" and value > 0 and not parameter.path.startswith("initial.")
-    )
+    value, initial = _value(scene, parameter), parameter.path.startswith("initial.")
+    given = f"parameter {parameter.path} = {value!r}"
+    log = parameter.scale == "log" or (parameter.scale == "auto" and value > 0 and not initial)
     low, high = parameter.between or (-math.inf, math.inf)
     if log and (value <= 0 or high <= 0):
-        raise SceneError(
-            f"parameter {parameter.path} = {value!r}: must be > 0 on a logarithmic scale; set scale = 'linear'",
-            id="parameter-not-positive",
-        )
+        text = f"{given}: must be > 0 on a logarithmic scale; set scale = 'linear'"
+        raise SceneError(text, id="parameter-not-positive")
     if parameter.prior is not None and log and parameter.prior[0] <= 0:
-        raise SceneError(
-            f"parameter {parameter.path}: prior = {list(parameter.prior)}: must be > 0", id="parameter-not-positive"
-        )
+        text = f"parameter {parameter.path}: prior = {list(parameter.prior)}: must be > 0"
+        raise SceneError(text, id="parameter-not-positive")
     if not parameter.within(value):
-        raise SceneError(
-            f"parameter {parameter.path} = {value!r}: outside between = {[low, high]}; set start", id="parameter-start"
-        )
-    if value == 0 and parameter.between is None and not parameter.path.startswith("initial."):
-        raise SceneError(
-            f"parameter {parameter.path} = {value!r}: its order of magnitude is unknown; set between or start",
-            id="parameter-start",
-        )
+        raise SceneError(f"{given}: outside between = {[low, high]}; set start", id="parameter-start")
+    if value == 0 and parameter.between is None and not initial:
+        text = f"{given}: its order of magnitude is unknown; set between or start"
+        raise SceneError(text, id="parameter-start")
     width = (high - low) / 2
     unit = width if math.isfinite(width) else abs(value) or 1.0
     ends = (max(low, value / furthest), min(high, value * furthest)) if log else (low, high)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -87,11 +87,9 @@ def recorded(problem: FitProblem, run: FitRun) -> Source:
     first = max(first, scene.initial.time)
     inside = (measured.t >= first) & (measured.t <= last)
     if inside.sum() < 2:
-        raise DataFileError(
-            f"run {run.name!r}: fewer than two samples from {first:g} to {last:g} s; the file covers "
-            f"{measured.t[0]:g} to {measured.t[-1]:g} s",
-            id="too-few-samples",
-        )
+        text = f"the file covers {measured.t[0]:g} to {measured.t[-1]:g} s"
+        text = f"run {run.name!r}: fewer than two samples from {first:g} to {last:g} s; {text}"
+        raise DataFileError(text, id="too-few-samples")
     t, heads = measured.t[inside], _by_name(run, known, measured.columns)
     of_sensors = _noise_of_sensors(scene, measured.columns)
     blocks = tuple(
@@ -102,10 +100,15 @@ def recorded(problem: FitProblem, run: FitRun) -> Source:
     if not blocks:
         raise DataFileError(f"run {run.name!r}: no measured values inside its window", id="no-measured-values")
     _check_reach(run, scene, blocks)
-    t = t if isinstance(run.file, str) else _of_fastest(blocks, t)
+    if not isinstance(run.file, str):  # times of the column with the highest sampling rate, and the ends of all
+        every = [np.asarray(block.t) for block in blocks if len(block.y) > 1]
+        of_fastest = min(every, key=lambda times: float(np.median(np.diff(times))), default=t)
+        t = np.unique(np.concatenate([t[:1], of_fastest, t[-1:]]))
     rate, smooth, hertz = float((len(t) - 1) / (t[-1] - t[0])), exact(scene, problem.tolerance), slowest_mode(scene)
-    if not any(path.startswith("sensor") for path in sought_in(problem)):
-        smooth = _with_sensors(smooth, {block.name for block in blocks})
+    if not any(path.startswith("sensor") for path in sought_in(problem)):  # other sensors cost time in every run
+        names = {block.name for block in blocks}
+        sensors = tuple(one for one in smooth.sensor if names & {*column_names((one,), scene.arm)})
+        smooth = replace(smooth, sensor=sensors)
     doubts = (*offset, *doubts_of_times(smooth, blocks, t, hertz))
     margin = sum(abs(one.between[1]) * (1.0 if one.timing != "clock" else t[-1] - t[0]) for one in timings(run))
     long = as_long(smooth, t, float(margin)) if margin else as_long(smooth, t)
@@ -131,9 +134,8 @@ def _from_start(run: FitRun, scene: Scene, measured: Measured) -> tuple[Measured
     text = f"record starts at {t[0]:g} s, the scene at {begin:g} s"
     remedy = "if the scene starts with the record, set start = 'first sample'"
     if late > furthest * (t[-1] - t[0]):
-        raise DataFileError(
-            f"run {run.name!r}: {text}: {late:g} s to simulate before it; {remedy}", id="record-starts-late"
-        )
+        text = f"run {run.name!r}: {text}: {late:g} s to simulate before it; {remedy}"
+        raise DataFileError(text, id="record-starts-late")
     return measured, (Diagnostic(f"{text}; {remedy}", "record-starts-late"),)
 
 
@@ -147,11 +149,9 @@ def _check_reach(run: FitRun, scene: Scene, blocks: Sequence[Block]) -> None:
     for block in blocks:
         far = float(np.ptp(block.y))
         if re.fullmatch(r"tip [xyz] \[m\]", block.name) and far > times * reach:
-            raise DataFileError(
-                f"run {run.name!r}: {block.name} ranges over {far:.4g} m, but the arm reaches {reach:.2g} m; if the "
-                f"column is in mm, name it {block.name.replace('[m]', '[mm]')!r}",
-                id="likely-unit",
-            )
+            text = f"run {run.name!r}: {block.name} ranges over {far:.4g} m, but the arm reaches {reach:.2g} m; if the "
+            text += f"column is in mm, name it {block.name.replace('[m]', '[mm]')!r}"
+            raise DataFileError(text, id="likely-unit")
 
 
 def _measured(run: FitRun, known: Mapping[str, object]) -> Measured:
@@ -161,13 +161,6 @@ def _measured(run: FitRun, known: Mapping[str, object]) -> Measured:
     return measured_from(where, list(run.columns), table_of(where, run.columns), known, run.compare)
 
 
-def _of_fastest(blocks: Sequence[Block], t: Array) -> Array:
-    """Times of the column with the highest sampling rate, and the first and last times of all columns."""
-    every = [np.asarray(block.t) for block in blocks if len(block.y) > 1]
-    of_fastest = min(every, key=lambda times: float(np.median(np.diff(times))), default=t)
-    return np.unique(np.concatenate([t[:1], of_fastest, t[-1:]]))
-
-
 def _by_name(run: FitRun, known: Mapping[str, object], compared: Mapping[str, object]) -> dict[str, dict[str, str]]:
     """Map simulated columns to the file's column heads that a run uses in `noise`, `gain` and `bias`."""
     where, found = f"run {run.name!r}", {}
@@ -175,10 +168,8 @@ def _by_name(run: FitRun, known: Mapping[str, object], compared: Mapping[str, ob
         found[key] = {named(where, head, known)[0]: head for head in getattr(run, key)}
         for name, head in found[key].items():
             if name not in compared:
-                likely = did_you_mean(head, compared)
-                raise DataFileError(
-                    f"{where}: {key} of {head!r}: this column is not compared{likely}", id="no-such-column"
-                )
+                text = f"{where}: {key} of {head!r}: this column is not compared{did_you_mean(head, compared)}"
+                raise DataFileError(text, id="no-such-column")
     return found
 
 
@@ -201,9 +192,8 @@ def _with_noise(blocks: Sequence[Block]) -> tuple[Block, ...]:
     range_of: dict[str, float] = {}
     for block in blocks:
         range_of[block.unit] = max(range_of.get(block.unit, 0.0), float(np.ptp(block.y)))
-    return tuple(
-        block if block.stated else block.with_deviation(assumed * (range_of[block.unit] or 1.0)) for block in blocks
-    )
+    pairs = [(block, assumed * (range_of[block.unit] or 1.0)) for block in blocks]
+    return tuple(block if block.stated else block.with_deviation(σ) for block, σ in pairs)
 
 
 def exact(scene: Scene, tolerance: float) -> Scene:
@@ -212,21 +202,14 @@ def exact(scene: Scene, tolerance: float) -> Scene:
     return smooth(replace(scene, sensor=sensors) if sensors else scene, tolerance)
 
 
-def _with_sensors(scene: Scene, columns: Set[str]) -> Scene:
-    """The scene with only those sensors that have one of these columns; the others would cost time in every run."""
-    return replace(scene, sensor=tuple(one for one in scene.sensor if columns & {*column_names((one,), scene.arm)}))
-
-
 def _noise_of_sensors(scene: Scene, compared: Mapping[str, object]) -> dict[str, float]:
     """Standard deviation of each sensor column, from noise and resolution; refuses compared columns that drift."""
     found = {}
     for one in scene.sensor:
         for name in column_names((one,), scene.arm):
             if one.bias_walk and name in compared:
-                raise SceneError(
-                    f"sensor.{one.name}.bias_walk = {one.bias_walk!r}: a fit has no random walk of a bias; set it to 0",
-                    id="fit-bias-walk",
-                )
+                text = "a fit has no random walk of a bias; set it to 0"
+                raise SceneError(f"sensor.{one.name}.bias_walk = {one.bias_walk!r}: {text}", id="fit-bias-walk")
             found[name] = math.hypot(one.noise, (one.resolution or 0.0) / math.sqrt(12))
     return found
 
@@ -265,10 +248,8 @@ def tapped(problem: FitProblem, part: FitModes, number: int) -> Source:
         found = modes(chain, rest.q, **load, locked=held)
         elastic = np.flatnonzero(np.array(found.kinds) == "elastic")
         if len(elastic) <= indices.max():
-            raise ArgumentError(
-                f"{name}: mode {indices.max() + 1} was measured; the model has only {len(elastic)} elastic modes",
-                id="unknown-mode",
-            )
+            text = f"mode {indices.max() + 1} was measured; the model has only {len(elastic)} elastic modes"
+            raise ArgumentError(f"{name}: {text}", id="unknown-mode")
         which = elastic[indices]
         return [found.hertz[which], found.damping_ratios[which]][: len(blocks)]
 

@@ -67,7 +67,7 @@ def chapters_of_data(problem: FitProblem) -> Chapters:
     ]  # fmt: skip
     found = {"data": ("Measured and predicted at the initial guess", "Data", _data(shown, single))}
     if responses:
-        part = Part(pictures=pictures(responses), tables=(response_table(responses),))
+        part = Part(pictures=tuple(map(response_picture, responses)), tables=(response_table(responses),))
         found["responses"] = ("Frequency responses", "Responses", part)
     if shown:
         found["spectra"] = ("Spectra", "Spectra", _spectra(problem, shown))
@@ -105,11 +105,22 @@ def _data(shown: Sequence[Shown], single: Sequence[tuple[Source, list[Row]]]) ->
         for one in shown
     )  # fmt: skip
     tables = [Table("columns", "Columns of the runs", heads, lines)] if shown else []
-    rows = _rows(single)
+    rows = tuple(
+        (f"{source.name}, {block.name}", float(m), float(σ), float(y), float((y - m) / σ))
+        for source, several in single if source.response is None
+        for block, values, *_ in several
+        for m, σ, y in zip(block.y, block.σ, values, strict=True)
+    )  # fmt: skip
     if rows:
         units = ("measurement", "measured", "standard deviation", "predicted", "residual in standard deviations")
         tables.append(Table("single", "Single measurements", units, rows))
-    return Part(_in_words(shown), pictures=tuple(_pictures(shown)), tables=tuple(tables))
+    drawn, at = list[Picture](), "at the initial guess"
+    for number, several in enumerate(_groups(shown), 1):
+        caption = f"Measured, and predicted {at}."
+        drawn.append(_picture(f"data_{number}", "Measured and predicted", caption, several, residual=False))
+        caption = f"Predicted {at} − measured."
+        drawn.append(_picture(f"start_{number}", f"Residuals {at}", caption, several, residual=True))
+    return Part(_in_words(shown), pictures=tuple(drawn), tables=tuple(tables))
 
 
 def _in_words(shown: Sequence[Shown]) -> tuple[str, ...]:
@@ -134,25 +145,6 @@ def _noise(block: Block) -> tuple[float | None, str]:
         return float(np.sqrt(np.mean(block.σ**2))), "problem or sensor"
     found = noise_in(block)
     return (float(np.mean(block.σ)), "1 % of range") if found is None else (found, "data")
-
-
-def _rows(single: Sequence[tuple[Source, list[Row]]]) -> tuple[tuple[str | float, ...], ...]:
-    """Rows of the table of single measurements."""
-    return tuple(
-        (f"{source.name}, {block.name}", float(m), float(σ), float(y), float((y - m) / σ))
-        for source, rows in single if source.response is None
-        for block, values, *_ in rows
-        for m, σ, y in zip(block.y, block.σ, values, strict=True)
-    )  # fmt: skip
-
-
-def _pictures(shown: Sequence[Shown]) -> Iterator[Picture]:
-    """Pictures of the data beside their prediction, and of the residuals, of every run."""
-    for number, several in enumerate(_groups(shown), 1):
-        caption = "Measured, and predicted at the initial guess."
-        yield _picture(f"data_{number}", "Measured and predicted", caption, several, residual=False)
-        caption = "Predicted at the initial guess − measured."
-        yield _picture(f"start_{number}", "Residuals at the initial guess", caption, several, residual=True)
 
 
 def _groups(shown: Sequence[Shown]) -> Iterator[Sequence[Shown]]:
@@ -214,12 +206,14 @@ def _spectra(problem: FitProblem, shown: Sequence[Shown]) -> Part:
     modes = _modes(problem.scene)
     inside = [(k, hertz, ratio) for k, (hertz, ratio) in enumerate(modes, 1) if hertz < highest]
     marked = ", ".join(f"{hertz:.3g} Hz" for _, hertz, _ in inside)
+    other = [one.title for one in shown if len(one.gaps) or len(one.uneven)]
+    text = f"{plural(len(other), 'column')} with gaps or uneven intervals interpolated: {', '.join(other)}."
     sentences = (
         f"Dashed lines are the elastic modes of the scene at the initial guess, at rest with its driven joints locked: "
         f"{marked}." if inside else "The scene has no elastic mode below half the sampling rate.",
         "A peak of the data beside a line is a mode with another frequency, or a motion that the scene lacks. Levels "
         "that stay equal at high frequencies are noise.",
-        *_resampled(shown),
+        *([text] if other else []),
     )  # fmt: skip
     table = Table("modes", "Modes at the initial guess", ("mode", "frequency [Hz]", "damping ratio"), tuple(inside))
     pictures = tuple(
@@ -227,13 +221,6 @@ def _spectra(problem: FitProblem, shown: Sequence[Shown]) -> Part:
         for number, several in enumerate(_groups(shown), 1)
     )
     return Part(sentences, pictures=pictures, tables=(table,) if inside else ())
-
-
-def _resampled(shown: Sequence[Shown]) -> tuple[str, ...]:
-    several = [one.title for one in shown if len(one.gaps) or len(one.uneven)]
-    if not several:
-        return ()
-    return (f"{plural(len(several), 'column')} with gaps or uneven intervals interpolated: {', '.join(several)}.",)
 
 
 def _spectrum_picture(number: int, shown: Sequence[Shown], hertz: Sequence[float]) -> Picture:
@@ -305,12 +292,8 @@ def compared(fitted: Fitted) -> list[Compared]:
     return found
 
 
-def pictures(responses: Sequence[Compared]) -> tuple[Picture, ...]:
-    """One picture for each response: magnitude, phase, and coherence if it is known."""
-    return tuple(_response_picture(one) for one in responses)
-
-
-def _response_picture(one: Compared) -> Picture:
+def response_picture(one: Compared) -> Picture:
+    """Picture of a response: magnitude, phase, and coherence if it is known."""
     looks: dict[str, dict[str, Any]] = {
         "measured": {"color": GREY, "linestyle": "", "marker": ".", "markersize": 4}, "fitted": {"color": BLUE},
         "before": {"color": VERMILION, "linewidth": 0.8},
@@ -321,7 +304,8 @@ def _response_picture(one: Compared) -> Picture:
     for label, H in {"measured": one.measured.H, **one.predicted}.items():
         size, phase = np.abs(H), np.degrees(np.angle(H))
         axes[0].loglog(f, np.where(size > 0, size, np.nan), label=label, **looks[label])
-        axes[1].semilogx(f, _without_jumps(phase) if label != "measured" else phase, **looks[label])
+        turns = (np.abs(np.diff(phase, append=phase[-1])) > 180) & (label != "measured")  # no line is drawn there
+        axes[1].semilogx(f, np.where(turns, np.nan, phase), **looks[label])
         columns |= {f"{label} {one.measured.name}": size, f"{label} phase [deg]": phase}
     axes[0].set_ylabel(unit_in(one.measured.name))
     axes[0].set_title(f"{one.name} ({one.use}): {one.measured.name.rpartition(' [')[0]}", loc="left")
@@ -336,11 +320,6 @@ def _response_picture(one: Compared) -> Picture:
     names = ", ".join(("measured", *one.predicted))
     caption = f"Magnitude and phase: {names}{'; coherence of the measurement' if known else ''}."
     return picture_of(one.name.replace(" ", "_"), "Frequency response", caption, axes, "frequency [Hz]", columns)
-
-
-def _without_jumps(phase: Array) -> Array:
-    """Phase [deg] with nan where it jumps by a turn, so that no line is drawn there."""
-    return np.where(np.abs(np.diff(phase, append=phase[-1])) > 180, np.nan, phase)
 
 
 def response_table(responses: Sequence[Compared]) -> Table:

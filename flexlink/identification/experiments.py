@@ -10,17 +10,8 @@ import msgspec
 
 from flexlink.common.errors import SceneError
 from flexlink.data.documents import errors_of, read_toml, require_path
-from flexlink.describe.spec import (
-    Deviation,
-    Positive,
-    Spec,
-    Vector3,
-    check_keys,
-    decode,
-    fields_of,
-    mistakes,
-    raise_together,
-)
+from flexlink.describe import spec
+from flexlink.describe.spec import Deviation, Positive, Spec, Vector3
 
 
 class ColumnExperiment(Spec, frozen=True):
@@ -184,10 +175,10 @@ class Experiments(Spec, frozen=True):
         path = require_path("path", path)
         raw = read_toml(path)
         with errors_of(path):
-            fields = {field.encode_name: field for field in fields_of(cls)}
-            check_keys(raw, fields, required=())
-            raise_together(wrong for key, value in raw.items() for wrong in mistakes(value, fields[key].type, key))
-            return decode(raw, cls)
+            kinds = {field.encode_name: field.type for field in spec.fields_of(cls)}
+            spec.check_keys(raw, kinds, required=())
+            spec.raise_together(wrong for key, value in raw.items() for wrong in spec.mistakes(value, kinds[key], key))
+            return spec.decode(raw, cls)
 
 
 def built_in() -> Experiments:

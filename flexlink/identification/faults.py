@@ -52,13 +52,11 @@ class Fault(NamedTuple):
         size, wide, unit = self.size, f"{1.96 * self.deviation:.1g}", f" {self.unit}" * (self.unit != "1")
         ms, key = f"{1e3 * abs(size):.2g} ± {1.96e3 * self.deviation:.1g} ms", f"{self.kind} = [{self.column!r}]"
         rate = f"{100 * abs(size):.2g} ± {196 * self.deviation:.1g} % {'fast' if size > 0 else 'slow'}"
+        late, later = ("late", "later") if size > 0 else ("early", "earlier")
         better = f"{self.run}{f': {self.column}' * bool(self.column)} is better explained"
         found = {
-            "delay": Diagnostic(f"{better} {ms} {'late' if size > 0 else 'early'}: {key}", "likely-delay"),
-            "start": Diagnostic(
-                f"{better} if the scene starts {ms} {'later' if size > 0 else 'earlier'}: start = 'unknown'",
-                "likely-start",
-            ),
+            "delay": Diagnostic(f"{better} {ms} {late}: {key}", "likely-delay"),
+            "start": Diagnostic(f"{better} if the scene starts {ms} {later}: start = 'unknown'", "likely-start"),
             "clock": Diagnostic(f"{better} by a clock that runs {rate}: clock = true", "likely-clock"),
             "bias": Diagnostic(f"{better} with a bias of {size:.2g} ± {wide}{unit}: {key}", "likely-bias"),
             "drift": Diagnostic(f"{better} with a drift of {size:.2g} ± {wide}{unit}/s: {key}", "likely-drift"),

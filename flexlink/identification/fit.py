@@ -12,6 +12,7 @@ from flexlink.chain.arguments import integer, require_callable, require_one_of, 
 from flexlink.common.errors import Diagnostic, FlexlinkError, IdentifiabilityError
 from flexlink.common.types import Array
 from flexlink.describe.variants import refined, segments_in_words
+from flexlink.identification import systematic
 from flexlink.identification.block import Block, with_noise_of_data
 from flexlink.identification.columns import columns_of
 from flexlink.identification.coordinates import Coordinate, coordinates_of, guess_of
@@ -26,17 +27,7 @@ from flexlink.identification.problem import FitProblem
 from flexlink.identification.remarks import hertz_in_rad_per_s, notes, ranges_apart, warnings, with_reasons
 from flexlink.identification.signals import Signals
 from flexlink.identification.solve import Bar, Found, Search, start_points, watch_with
-from flexlink.identification.systematic import (
-    Grid,
-    Systematic,
-    bends,
-    covariance_of,
-    factor_needed,
-    grid_ahead,
-    systematic_errors,
-    warnings_of_inputs,
-    within_bounds,
-)
+from flexlink.identification.systematic import Grid, Systematic
 
 
 def check_fit(problem: FitProblem) -> Check:
@@ -83,14 +74,9 @@ def check_fit(problem: FitProblem) -> Check:
 
 
 def fit(
-    problem: FitProblem,
-    *,
-    starts: int = 1,
-    profile: bool = False,
-    grid: Grid = "check",
-    progress: Callable[[str], None] | None = None,
-    bar: Bar | None = None,
-) -> Fitted:
+    problem: FitProblem, *, starts: int = 1, profile: bool = False, grid: Grid = "check",
+    progress: Callable[[str], None] | None = None, bar: Bar | None = None,
+) -> Fitted:  # fmt: skip
     """Estimate parameters of a scene from measurements, with 95 % intervals.
 
     The identifiability check comes first (`check_fit`). Single measurements are fitted first, then runs in growing
@@ -142,7 +128,7 @@ def fit(
     count, report, most = integer("starts", starts, 1), progress or (lambda _: None), 4  # most: largest number of fits
     found = _fit(problem, count, profile=profile, grid=grid, report=report, bar=bar)
     for _ in range(most - 1 if grid == "auto" else 0):
-        factor = factor_needed(*np.array([(one.u_num, one.statistical) for one in found.numbers]).T)
+        factor = systematic.factor_needed(*np.array([(one.u_num, one.statistical) for one in found.numbers]).T)
         if factor <= 1:
             break
         problem = replace(problem, scene=refined(problem.scene, factor))
@@ -176,17 +162,17 @@ def _fit(
         of_scene, rise = numbers[: len(coordinates)], Rise(search, best, at)
         of_scene = tuple(profiled(rise, of_scene, report)) if profile else of_scene
         numbers = (*widened(rise, of_scene), *numbers[len(coordinates) :])
-        errors = systematic_errors(search, best, at, problem, grid, report)
+        errors = systematic.systematic_errors(search, best, at, problem, grid, report)
         numbers = errors.added(numbers, coordinates, best.x, spread.wide)
-    numbers = tuple(map(within_bounds, numbers))
+    numbers = tuple(map(systematic.within_bounds, numbers))
     columns = columns_of(problem, signals, best, start, checks, report)
     changes = {by.path: one.value for one, by in zip(numbers, coordinates, strict=False) if not by.run}
     at_start = tuple(note for note in check.notes if note.id.startswith("likely-"))
     found_warnings = at_start + warnings(numbers, coordinates, after, found, columns, [*sources, *checks])
     found_warnings += errors.warnings(problem.scene, numbers)
-    if not warnings_of_inputs(numbers, errors.inputs):  # an error of the input resembles faults of the instruments
+    if not systematic.warnings_of_inputs(numbers, errors.inputs):  # an error of the input resembles faults
         found_warnings += warnings_of_faults(*(errors.refined or (search, best)))
-    covariance = covariance_of(coordinates, best.x, spread.covariance, errors.shifts)
+    covariance = systematic.covariance_of(coordinates, best.x, spread.covariance, errors.shifts)
     return Fitted(
         problem, problem.scene.varied(changes), numbers, spread.correlation, after, columns,
         tuple((_values(coordinates, end.x), end.cost) for end in found), signals.runs, found_warnings, covariance,
@@ -242,7 +228,7 @@ def _check(
     doubts = [*data_notes, *ranges_apart(at), *hertz_in_rad_per_s(at), *mixups(at)]
     check = information_of(at, finer).check
     check = check._replace(directions=with_reasons(signals, x, check.directions), notes=tuple(doubts))
-    if check.lost or tolerance is None or not bends(at.sources[0].scene):
+    if check.lost or tolerance is None or not systematic.bends(at.sources[0].scene):
         return check
-    errors, more = grid_ahead(at, check, tolerance)
+    errors, more = systematic.grid_ahead(at, check, tolerance)
     return check._replace(grid=errors, notes=(*check.notes, *more))

@@ -125,10 +125,8 @@ def _columns(where: str, heads: tuple[str, ...], values: Array, unit: str) -> di
         value = column if given != "dB" else 10 ** (column / 20)
         found[quantity] = np.deg2rad(value) if given == "deg" else value
     if "f" not in found or (not {"magnitude", "phase"} <= found.keys() and not {"real", "imaginary"} <= found.keys()):
-        raise DataFileError(
-            f"{where}: columns {short_list(list(heads))}; expected 'f [Hz]', and magnitude and phase, or real and "
-            "imaginary", id="no-such-column",
-        )  # fmt: skip
+        text = f"columns {short_list(list(heads))}; expected 'f [Hz]', and magnitude and phase, or real and imaginary"
+        raise DataFileError(f"{where}: {text}", id="no-such-column")
     f = found["f"][np.isfinite(found["f"])]
     if (f < 0).any() or (np.diff(f) <= 0).any():
         raise DataFileError(f"{where}: f [Hz]: expected increasing frequencies >= 0", id="frequencies-not-increasing")
@@ -148,10 +146,8 @@ def _deviation(where: str, part: FitFrf, γ2: Array) -> Array:
     wrong = γ2[~((γ2 > 0) & (γ2 <= 1))]
     if len(wrong):
         given = "missing" if np.isnan(wrong[0]) else f"{wrong[0]:g}"
-        raise DataFileError(
-            f"{where}: coherence {given}: expected numbers > 0 and <= 1; or remove averages and give deviation",
-            id="coherence-range",
-        )
+        text = f"coherence {given}: expected numbers > 0 and <= 1; or remove averages and give deviation"
+        raise DataFileError(f"{where}: {text}", id="coherence-range")
     return np.maximum(np.sqrt((1 - γ2) / (2 * part.averages * γ2)), LEAST)
 
 
@@ -242,10 +238,8 @@ def frequency_response(t: ArrayLike, u: ArrayLike, y: ArrayLike, *, segment: flo
     rate = (n - 1) / float(times[-1] - times[0])
     size = round(length * rate)
     if size < 4 or (n - size) // (size - size // 2) < 1:
-        raise ArgumentError(
-            f"segment = {length:g}: expected at least 4 samples, and at most two thirds of the record, "
-            f"{2 * n / (3 * rate):.3g} s", id="out-of-range",
-        )  # fmt: skip
+        text = f"expected at least 4 samples, and at most two thirds of the record, {2 * n / (3 * rate):.3g} s"
+        raise ArgumentError(f"segment = {length:g}: {text}", id="out-of-range")
     how = {"fs": rate, "window": "hann", "nperseg": size, "noverlap": size // 2}
     f, across = scipy.signal.csd(inputs, outputs, **how)
     of_input, of_output = scipy.signal.welch(inputs, **how)[1], scipy.signal.welch(outputs, **how)[1]

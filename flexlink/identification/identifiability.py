@@ -57,9 +57,8 @@ class Direction(NamedTuple):
             if self.lost:
                 return Diagnostic(f"{name} has too weak an effect on the data: {expected}", "weak-effect")
             return Diagnostic(f"{name} is poorly identifiable: {expected}", "poorly-identifiable")
-        changes = " and ".join(
-            f"{name} by {10 * p / self.parts[0]:+.2g} %" for name, p in zip(self.names, self.parts, strict=True)
-        )
+        pairs = zip(self.names, self.parts, strict=True)
+        changes = " and ".join(f"{name} by {10 * part / self.parts[0]:+.2g} %" for name, part in pairs)
         both = " and ".join(self.names)
         if self.lost:
             text = f"{both} are not separately identifiable: changing {changes} has no measurable effect"
@@ -146,9 +145,8 @@ def checked(J: Array, error: float, names: Sequence[str], notes: Sequence[Diagno
 
     size = np.linalg.norm(J, axis=0)
     moved = np.flatnonzero(size > least)
-    directions = [
-        Direction((names[k],), (1.0,), deviation(float(size[k])), True) for k in np.flatnonzero(size <= least).tolist()
-    ]
+    still = np.flatnonzero(size <= least).tolist()
+    directions = [Direction((names[k],), (1.0,), deviation(float(size[k])), True) for k in still]
     effective = J[:, moved]
     _, s, V = np.linalg.svd(np.vstack([effective, np.zeros((len(moved),) * 2)]), full_matrices=False)
     lost = s <= least
@@ -163,9 +161,8 @@ def checked(J: Array, error: float, names: Sequence[str], notes: Sequence[Diagno
     expected = np.full(len(names), np.inf)
     unknown_part = (V[lost] ** 2).sum(axis=0) > COUNTS**2 / 10
     expected[moved] = np.where(unknown_part, np.inf, np.sqrt((V[~lost].T ** 2 / s[~lost] ** 2).sum(axis=1)))
-    return Check(
-        tuple(names), np.append(s, np.zeros(len(names) - len(s))), tuple(directions), expected, tuple(notes), error
-    )
+    s = np.append(s, np.zeros(len(names) - len(s)))
+    return Check(tuple(names), s, tuple(directions), expected, tuple(notes), error)
 
 
 def _largest(sizes: Array) -> int:

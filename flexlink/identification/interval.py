@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -56,8 +56,10 @@ def spread_of(parts: Sequence[Part], priors: Array, coefficients: int = 0) -> Sp
     """
     level = 0.95  # confidence level of the intervals
     bread = meat = priors.T @ priors
-    independent, samples = 0.0, 0
-    worse = _worse(parts, bread.shape[0] - len(priors))
+    independent, samples, lost = 0.0, 0, bread.shape[0] - len(priors)
+    single = [e for residuals, _, is_run in parts if not is_run for e in residuals]
+    count = sum(map(len, single)) - (0 if any(is_run for _, _, is_run in parts) else lost)
+    worse = max(1.0, sum(float(e @ e) for e in single) / max(count, 1))  # mean square of single measurements
     for residuals, slopes, is_run in parts:
         bread = bread + sum(J.T @ J for J in slopes)
         of_part = [colour_of(e) if is_run else Colour(np.ones(1), e) for e in residuals]
@@ -66,7 +68,6 @@ def spread_of(parts: Sequence[Part], priors: Array, coefficients: int = 0) -> Sp
             independent += sum(len(e) / one.correlation_length for e, one in zip(residuals, of_part, strict=True))
             samples += sum(map(len, residuals))
             coefficients += sum(len(one.a) - 1 for one in of_part)
-    lost = bread.shape[0] - len(priors)
     inverse = _inverse(bread)
     if samples:
         meat = meat * (samples + coefficients) / max(samples - coefficients, 1)
@@ -75,13 +76,6 @@ def spread_of(parts: Sequence[Part], priors: Array, coefficients: int = 0) -> Sp
     covariance = inverse @ meat @ inverse
     meat = meat + sum(_absorbed(slopes, covariance) for _, slopes, is_run in parts if is_run)
     return Spread(inverse @ meat @ inverse, wide)
-
-
-def _worse(parts: Sequence[Part], unknowns: int) -> float:
-    """Mean square of the normalized residuals of single measurements, but at least 1."""
-    single = [e for residuals, _, is_run in parts if not is_run for e in residuals]
-    count = sum(map(len, single)) - (0 if any(is_run for _, _, is_run in parts) else unknowns)
-    return max(1.0, sum(float(e @ e) for e in single) / max(count, 1))
 
 
 def _meat(residuals: Sequence[Array], slopes: Sequence[Array], colours: Sequence[Colour]) -> Array:
@@ -145,27 +139,23 @@ def without_ends(one: Estimate) -> Estimate:
 
 def estimates(at: Likelihood, spread: Spread) -> list[Estimate]:
     """Estimates of all parameters: those of the scenes, then gains, biases and drifts."""
-    return [*_of_coordinates(at, spread), *_of_instruments(at, spread)]
-
-
-def _of_coordinates(at: Likelihood, spread: Spread) -> Iterator[Estimate]:
+    found = []
     for one, x, σ in zip(at.coordinates, at.x.tolist(), spread.deviations.tolist(), strict=False):
         low, high = (one.value(x + far * spread.wide * σ) for far in (-1, 1))
         edge = 1e-6 * max(1.0, abs(x))
         bound = any(math.isfinite(end) and abs(x - end) < edge for end in one.bounds)
         value = one.value(x)
-        yield Estimate(
+        found.append(Estimate(
             one.name, one.path, one.start, value, low, high, one.size(value) * σ, bound,
             unit=one.measured_in, log=one.log, between=one.between, prior=one.prior,
-        )  # fmt: skip
-
-
-def _of_instruments(at: Likelihood, spread: Spread) -> Iterator[Estimate]:
+        ))  # fmt: skip
     count, kinds = len(at.x), [(row.block, what) for row in at.every for what in row.block.linear]
-    found = zip(kinds, at.names[count:], at.linear.tolist(), spread.deviations[count:].tolist(), strict=True)
-    for (block, what), name, value, σ in found:
+    linear = zip(kinds, at.names[count:], at.linear.tolist(), spread.deviations[count:].tolist(), strict=True)
+    for (block, what), name, value, σ in linear:
         start, unit = {"gain": (1.0, ""), "bias": (0.0, block.unit), "drift": (0.0, f"{block.unit}/s")}[what]
-        yield Estimate(name, "", start, value, value - spread.wide * σ, value + spread.wide * σ, σ, unit=unit)
+        low, high = value - spread.wide * σ, value + spread.wide * σ
+        found.append(Estimate(name, "", start, value, low, high, σ, unit=unit))
+    return found
 
 
 # Profile intervals: one parameter is fixed at values near its estimate, and all others are refitted.
@@ -184,12 +174,7 @@ HALVINGS = 3
 class Rise:
     """Increase of the cost from its minimum, and the points at which it reaches the ends of intervals.
 
-    Attributes
-    ----------
-    search, best
-        The search, and its solution.
-    C
-        Covariance of the coordinates at the solution, for white noise of the assumed size.
+    C is the covariance of the coordinates at the best solution, for white noise of the assumed size.
     """
 
     def __init__(self, search: Search, best: Found, at: Likelihood) -> None:

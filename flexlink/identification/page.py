@@ -17,7 +17,7 @@ from flexlink.common.output import begin_page, write_text
 from flexlink.common.wording import plural, truncated
 from flexlink.describe.scene import Scene
 from flexlink.describe.writing import toml_of, without_defaults
-from flexlink.identification.data_page import Chapters, chapters_of_data, compared, pictures, response_table
+from flexlink.identification.data_page import Chapters, chapters_of_data, compared, response_picture, response_table
 from flexlink.identification.estimate import Estimate
 from flexlink.identification.fitted import Fitted, FittedColumn
 from flexlink.identification.identifiability import WIDE, Check, document
@@ -176,9 +176,8 @@ def _numbers(fitted: Fitted) -> Part:
         *(f"Note: {warning}." for warning in fitted.warnings),
     )
     names = tuple(one.name for one in fitted.numbers)
-    rows: tuple[tuple[Cell, ...], ...] = tuple(
-        (name, *row.tolist()) for name, row in zip(names, fitted.correlation, strict=True)
-    )
+    pairs = zip(names, fitted.correlation, strict=True)
+    rows: tuple[tuple[Cell, ...], ...] = tuple((name, *row.tolist()) for name, row in pairs)
     return Part(sentences, tables=(
         Table("numbers", "Estimates with 95 % intervals", tuple(heads), tuple(lines)),
         Table("correlation", "Correlation", ("", *names), rows, to_look_up=True),
@@ -212,7 +211,7 @@ def _data(fitted: Fitted) -> Part:
         tables.append(Table("single", "Single measurements", ("measurement", "measured", "before", "fitted"), single))
     responses = compared(fitted)
     tables += [response_table(responses)] if responses else []
-    shown = (*_beside(fitted), *pictures(responses))
+    shown = (*_beside(fitted), *map(response_picture, responses))
     return Part(sentences, pictures=shown, tables=tuple(tables))
 
 

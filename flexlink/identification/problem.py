@@ -147,21 +147,17 @@ class FitModes(Spec, frozen=True):
         super().__post_init__()
         for name, values in (("numbers", self.numbers), ("ratios", self.ratios)):
             if values and len(values) != len(self.hertz):
-                raise SceneError(
-                    f"{name} = {list(values)}: expected one per frequency, {len(self.hertz)}", id="one-per-frequency"
-                )
+                text = f"{name} = {list(values)}: expected one per frequency, {len(self.hertz)}"
+                raise SceneError(text, id="one-per-frequency")
         if len(self.deviation) not in (1, len(self.hertz)):
-            raise SceneError(
-                f"deviation = {list(self.deviation)}: expected 1 number or {len(self.hertz)}", id="one-per-frequency"
-            )
+            text = f"deviation = {list(self.deviation)}: expected 1 number or {len(self.hertz)}"
+            raise SceneError(text, id="one-per-frequency")
         if any(number < 1 for number in self.numbers):
             raise SceneError(f"numbers = {list(self.numbers)}: modes are counted from 1", id="modes-counted-from-1")
         pairs = sorted(zip(self.numbers or range(len(self.hertz)), self.hertz, strict=True))
         if any(after < before for (_, before), (_, after) in itertools.pairwise(pairs)):
-            raise SceneError(
-                f"hertz = {list(self.hertz)}: frequencies must increase with the mode's number; sort them",
-                id="modes-not-increasing",
-            )
+            text = f"hertz = {list(self.hertz)}: frequencies must increase with the mode's number; sort them"
+            raise SceneError(text, id="modes-not-increasing")
 
 
 class FitStatic(Spec, frozen=True):
@@ -225,10 +221,8 @@ class FitFrf(Spec, frozen=True):
         if bool(self.file) == bool(self.columns):
             raise SceneError(f"file = {self.file!r}: specify either a file or columns", id="both-given")
         if (self.averages is None) == (self.deviation is None):
-            raise SceneError(
-                f"averages = {self.averages!r}: specify either averages, with a coherence, or deviation",
-                id="both-given",
-            )
+            text = f"averages = {self.averages!r}: specify either averages, with a coherence, or deviation"
+            raise SceneError(text, id="both-given")
         _require_order("band", self.band, "the first frequency must be less than the second")
 
 
@@ -282,24 +276,17 @@ class FitProblem(Spec, frozen=True):
             twice = [path for path in paths_of_run if paths_of_run.count(path) > 1]
             if twice:
                 raise SceneError(f"parameter.path = {twice[0]!r}: given twice; remove one", id="parameter-twice")
-        self._check_set(paths)
-        data: Sequence[FitRun | FitModes | FitStatic | FitFrf] = (*self.run, *self.modes, *self.static, *self.frf)
-        if not any(part.use == "fit" for part in data):
-            raise SceneError(
-                "run, modes, static, frf: nothing to fit; give at least one with use = 'fit'", id="nothing-to-fit"
-            )
-
-    def _check_set(self, paths: Sequence[str]) -> None:
-        """Refuse `set` on a parameter that is estimated for all runs."""
-        for key in ("run", "modes", "static", "frf"):
+        for key in ("run", "modes", "static", "frf"):  # none may set a parameter that is estimated for all runs
             for part in getattr(self, key):
                 for path in (*part.set, *(getattr(part, "before", None) or ())):
                     if path in paths:
-                        raise SceneError(
-                            f"{key}.set: {path!r} is an unknown parameter, and cannot be set for part of the data; "
-                            "express the difference by another path, for example a wrench or link.NAME.end.mass",
-                            id="parameter-set",
-                        )
+                        why = "is an unknown parameter, and cannot be set for part of the data; express the "
+                        why += "difference by another path, for example a wrench or link.NAME.end.mass"
+                        raise SceneError(f"{key}.set: {path!r} {why}", id="parameter-set")
+        data: Sequence[FitRun | FitModes | FitStatic | FitFrf] = (*self.run, *self.modes, *self.static, *self.frf)
+        if not any(part.use == "fit" for part in data):
+            text = "run, modes, static, frf: nothing to fit; give at least one with use = 'fit'"
+            raise SceneError(text, id="nothing-to-fit")
 
     def __repr__(self) -> str:
         sought = ", ".join(parameter.path for parameter in self.parameter)

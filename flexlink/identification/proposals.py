@@ -34,12 +34,10 @@ class Change(NamedTuple):
         Standard deviations of its coordinate; inf if it is not identifiable.
     """
 
-    # name, unit: the parameter, and the unit of its value
     name: str
     unit: str
     log: bool
     size: float
-    # before, after: standard deviations of its coordinate; inf if it is not identifiable
     before: float
     after: float
 
@@ -189,10 +187,8 @@ class Proposals:
             what = candidate.title if candidate is not None else "no compared experiment"
             verb = "separate" if len(direction.names) > 1 else "determine"
             yield f"to {verb} {' and '.join(direction.names)}: {what}"
-        yield (
-            f"{plural(self.compared, 'experiment')} compared; {len(self.skipped)} left out, which do not apply here or "
-            "cannot be simulated (--json lists them)"
-        )
+        left = f"{plural(self.compared, 'experiment')} compared; {len(self.skipped)} left out, which do not apply here"
+        yield f"{left} or cannot be simulated (--json lists them)"
         if self.first is not None and (self.best or self.sets):
             yield ""
             yield f"# To add to the problem file for: {self.first.title}"
@@ -219,15 +215,10 @@ class Proposals:
         """Chapter of a page: a table of the experiments, and the tables for the problem file."""
         names = [name for name, _ in self.values]
         listed = (*self.best, *self.sets)
+        reasons = ["; ".join(c.reason for c in one.candidates) for one in listed]
         rows: tuple[tuple[Cell, ...], ...] = tuple(
-            (
-                k,
-                one.title,
-                "; ".join(c.reason for c in one.candidates),
-                *(c.half(c.after) for c in one.changes),
-                one.lost,
-            )
-            for k, one in enumerate(listed, 1)
+            (k, one.title, reason, *(c.half(c.after) for c in one.changes), one.lost)
+            for k, (one, reason) in enumerate(zip(listed, reasons, strict=True), 1)
         )
         present = [f"{c.name} {c.half(c.before)}" for one in self.ranked[:1] for c in one.changes]
         left = f"{plural(self.compared, 'experiment')} compared; {len(self.skipped)} left out, which do not apply to "

@@ -130,15 +130,7 @@ Informed = tuple[Candidate, Information]
 
 
 class Ranking:
-    """Experiments on a bench, compared by the intervals that they would give together with the present data.
-
-    Attributes
-    ----------
-    bench, known
-        Problem, scene and point; and the information of the present data.
-    before
-        Identifiability check of the present data.
-    """
+    """Experiments on a bench, compared by the intervals that they would give together with what is `known`."""
 
     def __init__(self, bench: Bench, known: Information) -> None:
         self.bench, self.known, self.before = bench, known, known.check

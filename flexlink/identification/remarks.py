@@ -9,7 +9,7 @@ import numpy as np
 from flexlink.common.errors import Diagnostic, FlexlinkError
 from flexlink.common.types import Array
 from flexlink.common.wording import plural
-from flexlink.describe.link import Link
+from flexlink.describe.link import AXES
 from flexlink.describe.scene import Scene
 from flexlink.describe.vary import parts_of
 from flexlink.identification.block import noise_in, unit_in
@@ -26,6 +26,7 @@ from flexlink.motion.simulate import simulate
 
 def notes(sources: Sequence[Source]) -> list[Diagnostic]:
     """Notes on the data that were read, and on assumed noise."""
+    even = 0.1  # allowed variation of the sampling interval, relative to its mean
     found = []
     for source in sources:
         several = len({len(block.y) for block in source.blocks}) > 1 and source.is_run
@@ -37,12 +38,11 @@ def notes(sources: Sequence[Source]) -> list[Diagnostic]:
             found += _doubts(source)
         else:
             found.append(Diagnostic(f"{source.name}{use}: {names}; {plural(count, 'number')}", "data-read"))
-        uneven = [block.name for block in source.blocks if block.t is not None and _uneven(block.t)]
+        steps = {block.name: np.diff(block.t) for block in source.blocks if block.t is not None}
+        uneven = [name for name, between in steps.items() if np.ptp(between) > even * between.mean()]
         if uneven:
-            text = (
-                f"{source.name}: samples of {', '.join(uneven)} are unevenly spaced, as after an empty cell or a lost "
-            )
-            text += "row; intervals assume even spacing"
+            text = f"{source.name}: samples of {', '.join(uneven)} are unevenly spaced, as after an empty cell or a "
+            text += "lost row; intervals assume even spacing"
             found.append(Diagnostic(text, "uneven-samples"))
         found += _of_noise(source) if source.use == "fit" else []
     return found
@@ -60,12 +60,6 @@ def _of_noise(source: Source) -> list[Diagnostic]:
     assumed = ", ".join(block.name for block, σ in unknown if σ is None)
     text = f"{source.name}: noise of {assumed} is not stated; 1 % of the range is assumed"
     return [*found, *([Diagnostic(text, "assumed-noise")] if assumed else [])]
-
-
-def _uneven(t: Array) -> bool:
-    even = 0.1  # allowed variation of the sampling interval, relative to its mean
-    between = np.diff(t)
-    return bool(np.ptp(between) > even * between.mean())
 
 
 def _doubts(source: Source) -> list[Diagnostic]:
@@ -231,24 +225,15 @@ def _axis(scene: Scene, path: str) -> str:
     if len(parts) != 4 or parts[0] != "link" or parts[2] not in {"root_stiffness", "root_damping"} or parts[1] == "*":
         return ""
     link = scene.arm.links[scene.arm.number(int(parts[1]) if parts[1].isdigit() else parts[1]) - 1]
-    bent = _bending(link)
+    bent = [link.beam.frame[:, axis - 1] for axis in AXES[link.flex] if axis > 1]  # axis 1 is torsion
     if not bent or max(abs(float(axis["xyz".index(parts[3])])) for axis in bent) > diagonal:
         return ""
     about = " and ".join(map(_named, bent))
-    return (
-        f"{parts[2]}.{parts[3]} acts about the link's {parts[3]}, but with flex = {link.flex!r} the link bends about "
-        f"its {about}: the axes of a section follow the joint axis, or `up`"
-    )
+    text = f"{parts[2]}.{parts[3]} acts about the link's {parts[3]}, but with flex = {link.flex!r} the link bends about"
+    return f"{text} its {about}: the axes of a section follow the joint axis, or `up`"
 
 
 def _named(axis: Array) -> str:
     """Name of an axis (x, y or z), or its components if it is none of these."""
     largest = int(np.abs(axis).argmax())
     return "xyz"[largest] if abs(axis[largest]) > 0.999 else str([round(float(part), 3) + 0.0 for part in axis])
-
-
-def _bending(link: Link) -> list[Array]:
-    """Bending axes of a link, in its frame."""
-    if link.flex == "rigid":
-        return []
-    return [link.beam.frame[:, "xyz".index(axis)] for axis in link.flex if axis != "x"]  # x is torsion

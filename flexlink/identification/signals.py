@@ -34,29 +34,18 @@ KEPT = 4
 
 
 class Signals:
-    """Predictions of the sources as functions of the coordinates.
-
-    Attributes
-    ----------
-    sources
-        The measurements.
-    coordinates
-        The parameters.
-    runs
-        Number of simulated runs.
-    """
+    """Predictions of the sources, the measurements, as functions of the coordinates, the parameters."""
 
     def __init__(self, sources: Sequence[Source], coordinates: Sequence[Coordinate]) -> None:
         self.sources, self.coordinates = sources, coordinates
-        self.runs = 0
+        self.runs = 0  # number of simulated runs
         own = [[k for k, one in enumerate(coordinates) if one.run in ("", source.name)] for source in sources]
         self._own = [[k for k in indices if not coordinates[k].timing] for indices in own]
         self._timing = [[k for k in indices if coordinates[k].timing] for indices in own]
         self._points: dict[bytes, tuple[Model, Slopes]] = {}
         self._most = KEPT
-        self._beside = 2 * max(map(len, self._own)) < Block.lanes and not any(
-            source.scene.run.controlled for source in sources
-        )
+        controlled = any(source.scene.run.controlled for source in sources)
+        self._beside = 2 * max(map(len, self._own)) < Block.lanes and not controlled
         self._variants = [
             Variants(source.scene, [coordinates[k].path for k in indices])
             for source, indices in zip(sources, self._own, strict=True)

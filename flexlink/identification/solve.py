@@ -30,18 +30,9 @@ class Found(NamedTuple):
 
 
 class Search:
-    """Search for the maximum of the likelihood.
+    """Search for the maximum of the likelihood; `coloured`: the noise of runs may be autocorrelated.
 
-    Attributes
-    ----------
-    signals
-        Sources as functions of the parameters.
-    loss
-        Loss function, as in `scipy.optimize.least_squares`.
-    coloured
-        Whether the noise of runs may be autocorrelated.
-    watch
-        Called with "" after each iteration (each Jacobian), as in `watch_with`.
+    The loss is one of `scipy.optimize.least_squares`; `watch` is called with "" after each Jacobian (`watch_with`).
     """
 
     def __init__(
@@ -119,7 +110,9 @@ class Search:
             cut = [source.first(part) for source in sources if source.is_run] if part else []
             if part or single:
                 x = Search(Signals([*cut, *single], self.coordinates), self.loss, watch=self.watch).near(x)
-        weighs = self._weighs(blocks) or self.loss == "trimmed"
+        every = [block for part in blocks for block in part]
+        unstated = len(every) > 1 and not all(block.stated for block in every)  # noise that affects the solution
+        weighs = unstated or self.loss == "trimmed"
         last = not (self.coloured or weighs) or not runs
         x = self.least(x, blocks, rough=not last)
         cost = self.cost(x, blocks)
@@ -149,12 +142,6 @@ class Search:
         if self.cost(x, plain.blocks) > more * self.cost(plain.x, plain.blocks):
             return plain
         return Found(x, plain.cost, self.weighed(x, blocks, coloured=True))
-
-    @staticmethod
-    def _weighs(blocks: Sequence[Sequence[Block]]) -> bool:
-        """Whether there is unstated noise that affects the solution."""
-        several = [block for part in blocks for block in part]
-        return len(several) > 1 and not all(block.stated for block in several)
 
     def _residual(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
         nowhere = 1e8  # residual at points where the simulation fails, from which the search turns back

@@ -118,15 +118,6 @@ def factor_needed(errors: Array, halves: Array) -> float:
     return float(np.clip(worst**0.25, 1.5, 8.0)) if worst > 1 else 1.0
 
 
-def warnings_of_grid(scene: Scene, numbers: Sequence[Estimate], grid: Shifts) -> list[Diagnostic]:
-    """Warnings about grid errors that exceed half of an interval, or that are unknown."""
-    large = [one.shifted(one.u_num) for one in numbers if one.u_num > one.statistical]
-    if grid.doubts or not large:
-        return [*grid.doubts]
-    factor = factor_needed(*np.array([(one.u_num, one.statistical) for one in numbers]).T)
-    return [_warning(scene, large, factor)]
-
-
 def grid_ahead(at: Likelihood, check: Check, tolerance: float) -> tuple[Array, tuple[Diagnostic, ...]]:
     """Expected grid error of every parameter at a point, and notes: one Gauss-Newton step on the refined model.
 
@@ -227,7 +218,11 @@ def _sources(
         run = runs.get(source.name) if source.is_run else None
         if run is not None:
             versions = [_version(problem.scene, one, by, rng) for one in _motions(run)]
-            started = {path: value for one in versions for path, value in _start_of(problem.scene, one).items()}
+            started = dict[str, float]()  # initial positions and rates of the joints of these motions, by path
+            for one in (each for each in versions if each.file is None):
+                name, unit = link_of(problem.scene, one).name, one.keys[0].rpartition("_")[2]
+                position, rate, _ = one.columns
+                started |= {f"initial.joint_{unit}.{name}": position[0], f"initial.rate_{unit}.{name}": rate[0]}
             source = recorded(problem, replace(run, set=run.set | {"motion": tuple(versions)} | started))  # noqa: PLW2901
         found.append(source)
     return found
@@ -251,15 +246,6 @@ def _version(scene: Scene, motion: PrescribedMotion, by: float, rng: np.random.G
     keys = link.joint.terms.motion
     rows = {key: tuple(part.tolist()) for key, part in zip(keys, smoothed(t, y, cutoff), strict=True)}
     return replace(motion, file=None, cutoff=None, times=tuple(t.tolist()), **rows)
-
-
-def _start_of(scene: Scene, motion: PrescribedMotion) -> dict[str, float]:
-    """Initial position and rate of the joint of a motion, by path."""
-    if motion.file is not None:
-        return {}
-    name, unit = link_of(scene, motion).name, motion.keys[0].rpartition("_")[2]
-    position, rate, _ = motion.columns
-    return {f"initial.joint_{unit}.{name}": position[0], f"initial.rate_{unit}.{name}": rate[0]}
 
 
 def link_of(scene: Scene, motion: PrescribedMotion | Sensor) -> Link:
@@ -297,7 +283,12 @@ class Systematic(NamedTuple):
 
     def warnings(self, scene: Scene, numbers: Sequence[Estimate]) -> tuple[Diagnostic, ...]:
         """Warnings about errors that exceed half of an interval, or that are unknown."""
-        return (*warnings_of_grid(scene, numbers, self.grid), *warnings_of_inputs(numbers, self.inputs))
+        large = [one.shifted(one.u_num) for one in numbers if one.u_num > one.statistical]
+        found = list(self.grid.doubts)
+        if large and not found:
+            factor = factor_needed(*np.array([(one.u_num, one.statistical) for one in numbers]).T)
+            found.append(_warning(scene, large, factor))
+        return (*found, *warnings_of_inputs(numbers, self.inputs))
 
 
 def systematic_errors(

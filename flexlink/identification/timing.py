@@ -39,9 +39,8 @@ def in_periods(t: Array, hertz: float) -> str:
     3 s, 7.5 periods of the slowest mode, 2.5 Hz
     """
     length = float(t[-1] - t[0])
-    return f"{length:.4g} s" + (
-        f", {length * hertz:.3g} periods of the slowest mode, {hertz:.3g} Hz" if hertz > 0 else ""
-    )
+    periods = f", {length * hertz:.3g} periods of the slowest mode, {hertz:.3g} Hz" if hertz > 0 else ""
+    return f"{length:.4g} s{periods}"
 
 
 def doubts_of_times(scene: Scene, blocks: Sequence[Block], t: Array, hertz: float) -> tuple[Diagnostic, ...]:
@@ -49,23 +48,17 @@ def doubts_of_times(scene: Scene, blocks: Sequence[Block], t: Array, hertz: floa
     shown = 0.1  # smallest length of a record that shows the slowest mode, in periods of this mode
     length, between = float(t[-1] - t[0]), float(np.median(np.diff(t)))
     if length * hertz < shown:
-        text = (
-            f"the record is {length:.3g} s long, {length * hertz:.2g} of a period of the slowest mode, {hertz:.3g} Hz"
-        )
-        text += "; if its times are in s, name the column 't [s]'"
+        text = f"the record is {length:.3g} s long, {length * hertz:.2g} of a period of the slowest mode, "
+        text += f"{hertz:.3g} Hz; if its times are in s, name the column 't [s]'"
         return (Diagnostic(text, "record-too-short"),)
     if not 2 * between * hertz > 1:
         return ()
-    spacing = (
-        f"samples are {between:.3g} s apart, {length:.4g} s in total: too far apart for the mode of {hertz:.3g} Hz, "
-        f"which needs a sample every {1 / (2 * hertz):.2g} s or less"
-    )
+    spacing = f"samples are {between:.3g} s apart, {length:.4g} s in total: too far apart for the mode of "
+    spacing += f"{hertz:.3g} Hz, which needs a sample every {1 / (2 * hertz):.2g} s or less"
     if not _swings(scene, blocks, hertz, between):
         return (Diagnostic(f"{spacing}; this mode is not excited", "sampling-too-slow"),)
-    raise DataFileError(
-        f"{spacing}, and which the simulation excites; if the times are in ms, name the column 't [ms]'",
-        id="likely-unit",
-    )
+    text = f"{spacing}, and which the simulation excites; if the times are in ms, name the column 't [ms]'"
+    raise DataFileError(text, id="likely-unit")
 
 
 def as_long(scene: Scene, t: Array, margin: float = 0.0) -> Scene:

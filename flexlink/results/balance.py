@@ -74,9 +74,8 @@ class Balance:
     def compile(self, samples: tuple[Array, ...]) -> Callable[..., tuple[int, int]]:
         """Compile the check for samples in arrays of these types."""
         of_these = 0, 0, samples, self.chain.hinges, self.bounds, NOTHING, self.seen
-        code: Callable[..., tuple[int, int]] = self.kept(
-            "look", None, lambda: direct(look_at, *of_these, types=self.kept.types)
-        )
+        compiled = functools.partial(direct, look_at, *of_these, types=self.kept.types)
+        code: Callable[..., tuple[int, int]] = self.kept("look", None, compiled)
         return code
 
 

@@ -87,9 +87,8 @@ def _package(name: str) -> Any:
 def ending(path: Path, allowed: tuple[str, ...], what: str) -> str:
     """Suffix of a file to write, which must be allowed."""
     if path.suffix not in allowed:
-        raise ArgumentError(
-            f"{str(path)!r}: unknown format; {what} is saved as {' or '.join(allowed)}", id="unknown-format"
-        )
+        text = f"{str(path)!r}: unknown format; {what} is saved as {' or '.join(allowed)}"
+        raise ArgumentError(text, id="unknown-format")
     return path.suffix
 
 
@@ -275,9 +274,8 @@ def check_chain(chain: Chain) -> None:
     if chain.gravity.shape != (3,) or chain.gravity.dtype != np.float64 or not np.isfinite(chain.gravity).all():
         raise ValueError("its chain's gravity is not three finite numbers")
     indices = [index for coordinate in chain.coordinates for index in coordinate]
-    known = all(type(index) is int and index >= 0 for index in indices) and all(
-        c.link <= len(chain.link_names) and c.known is not None for c in chain.coordinates
-    )
+    known = all(type(index) is int and index >= 0 for index in indices)
+    known = known and all(c.link <= len(chain.link_names) and c.known is not None for c in chain.coordinates)
     if len(chain.coordinates) != chain.n or not known:
         raise ValueError("its chain's coordinates do not match its hinges and links")
     if len(chain.joints_of_links) != len(chain.link_names):

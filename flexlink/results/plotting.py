@@ -49,10 +49,8 @@ def plot_trajectory(
         figure.suptitle(run.chain.name)
     axes = np.ravel(ax)
     if len(axes) != len(shown):
-        raise ArgumentError(
-            f"ax: {len(axes)} axes for {plural(len(shown), 'panel')}; give one for each, or choose panels by `what`",
-            id="wrong-shape",
-        )
+        text = f"{len(axes)} axes for {plural(len(shown), 'panel')}; give one for each, or choose panels by `what`"
+        raise ArgumentError(f"ax: {text}", id="wrong-shape")
     for draw, panel in zip(shown, axes, strict=True):
         panel.set_prop_cycle(color=colours)
         draw(panel)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -54,9 +54,8 @@ class Record:
         self.problem, self.run, self.t, self.q, self.qd = problem, problem.run, t, q, qd
         # works: integrated, without the work of a constant tip force, which follows from its potential; so_far: step
         # counts and largest deflection up to each sample (samples, SO_FAR.size)
-        self.tau, self.tip, self.energy, self.works, self.so_far = (
-            derived(problem, len(t)) if others is None else others
-        )
+        others = derived(problem, len(t)) if others is None else others
+        self.tau, self.tip, self.energy, self.works, self.so_far = others
         every = 3 if self.tied else 0 if self.chain.has_levers else 12
         self._placed = np.empty((len(t), len(self.chain.bodies), every)) if every else None
         self.origin = 0 if self.run.controlled else round(float(t[0]) / self.run.fixed_step)  # fixed steps before t₀
@@ -179,7 +178,8 @@ class Record:
     ) -> Trajectory:  # fmt: skip
         """The samples before `stop`, read-only; this record must not be used afterwards."""
         work = self.work(slice(stop)) if balanced else None
-        wrench = joined([self.inputs.tip_wrenches(self.t[k], self.q[k], self.qd[k]) for k in self.parts(0, stop)])
+        wrenches = [self.inputs.tip_wrenches(self.t[k], self.q[k], self.qd[k]) for k in self.parts(0, stop)]
+        wrench = wrenches[0] if len(wrenches) == 1 else np.concatenate(wrenches)
         q, qd, chain, motion = self.q, self.qd, self.chain, None
         if self.base is not None:
             moved = _kept(q, stop), _kept(qd, stop)
@@ -212,11 +212,6 @@ def noted(problem: InitialValueProblem, rows: int) -> Array:
     if problem.explicit:
         so_far[:, SO_FAR.steps] = problem.run.steps_per_sample * np.arange(rows)
     return so_far
-
-
-def joined(parts: Sequence[Array]) -> Array:
-    """The rows of all parts in one array."""
-    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def _kept(array: Array, stop: int) -> Array:

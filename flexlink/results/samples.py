@@ -154,10 +154,8 @@ class RunSamples(Result):
         """Warn if what is read may lack vibrations, since steps were controlled for the tip alone."""
         scene, springs = self.scene, bool((self.chain.hinges["stiffness"] > 0).any())
         if self.stated is not None and scene is not None and springs and not scene.run.follows_vibrations(scene.sensor):
-            text = (
-                f"{what} of this run may lack vibrations that do not move the tip; for these, "
-                f'run the scene with run.outputs = ["{output}"] (accuracy = "auto")'
-            )
+            text = f"{what} of this run may lack vibrations that do not move the tip; for these, run the scene with "
+            text += f'run.outputs = ["{output}"] (accuracy = "auto")'
             warnings.warn(Diagnostic(text, id="vibrations-not-followed"), RuntimeWarning, stacklevel=4)
 
     @property
@@ -334,10 +332,8 @@ class RunSamples(Result):
     @property
     def _known_work(self) -> Array:
         if self.work is None:
-            raise ArgumentError(
-                "imbalance: only for runs of flexlink's own engine; other engines do not integrate work",
-                id="engine-does-not-support",
-            )
+            text = "imbalance: only for runs of flexlink's own engine; other engines do not integrate work"
+            raise ArgumentError(text, id="engine-does-not-support")
         return self.work
 
 

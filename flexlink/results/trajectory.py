@@ -267,10 +267,8 @@ class Trajectory(RunSamples):
         goal = vector("target", target, 3)
         way = largest_distance(tip[:1], goal)
         if way == 0:
-            raise ArgumentError(
-                f"target = {truncated(goal.tolist())}: equals the tip's start, so there is no travel to overshoot",
-                id="no-travel",
-            )
+            text = "equals the tip's start, so there is no travel to overshoot"
+            raise ArgumentError(f"target = {truncated(goal.tolist())}: {text}", id="no-travel")
         return max(0.0, float(((tip - goal) @ (goal - tip[0]) / way).max()))
 
     def residual_vibration(self, *, after: float) -> float:
@@ -306,11 +304,8 @@ class Trajectory(RunSamples):
         kept = t >= real("after", after, "a time [s]")
         if kept.sum() < least:
             span = f"run from {t[0]:g} to {t[-1]:g} s" if len(t) else "run without samples"
-            raise ArgumentError(
-                f"after = {truncated(after)}: a {span} has {kept.sum()} samples from that time on; "
-                f"needs at least {least}",
-                id="too-few-samples",
-            )
+            text = f"a {span} has {kept.sum()} samples from that time on; needs at least {least}"
+            raise ArgumentError(f"after = {truncated(after)}: {text}", id="too-few-samples")
         return t[kept], self.tip[kept]
 
     def _repr_html_(self) -> str:

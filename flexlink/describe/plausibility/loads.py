@@ -10,9 +10,7 @@ import numpy as np
 
 from flexlink.common.errors import Diagnostic
 from flexlink.describe.arm import Arm
-from flexlink.describe.drive import Drive
 from flexlink.describe.link import Link
-from flexlink.describe.material import Section
 from flexlink.describe.plausibility.sizes import Range, hint_if_outside, largest_dimension, ranges
 from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.scene import Scene
@@ -20,12 +18,6 @@ from flexlink.describe.spec import Vector3
 
 BRISK = 100.0
 """Plausible angular acceleration of a rotor [rad/s²]."""
-
-
-def of_gravity(scene: Scene) -> Iterator[Diagnostic]:
-    """Hint on gravity that was probably given in another unit, or in multiples of g."""
-    g = math.hypot(*scene.gravity)
-    yield from hint_if_outside("gravity", scene.gravity, "gravity_of_one" if g == 1.0 else "gravity", g)
 
 
 def of_places(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
@@ -69,15 +61,16 @@ def of_masses(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
 
 
 def of_joints(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
-    """Hints on rotors, gears, root springs and torques that are implausible for the masses they move."""
-    arm, whole = scene.arm, about.inertia
+    """Hints on rotors, gears, springs and torques that are implausible for the masses they move, and on controllers."""
+    arm, whole, drive = scene.arm, about.inertia, scene.drive
+    torques: list[tuple[str, Sequence[float]]] = [("drive.torque", drive.torque)] if drive.torque else []
+    if drive.torques:
+        torques.append(("drive.torques", [max(map(abs, column)) for column in zip(*drive.torques, strict=True)]))
     for k, link in enumerate(arm.links):
         path, joint, kind = arm.path(k + 1), link.joint, link.joint.terms
         for axis, (stiffness, _) in link.root_springs.items():
-            sag = about.pull * about.first_moment(k) / stiffness
-            yield from hint_if_outside(
-                f"{path}.root_stiffness.{axis}", stiffness, "root_sag", sag, -1.0, f" {sag:.2g} rad"
-            )
+            sag, key = about.pull * about.first_moment(k) / stiffness, f"{path}.root_stiffness.{axis}"
+            yield from hint_if_outside(key, stiffness, "root_sag", sag, -1.0, f" {sag:.2g} rad")
         if joint.slides:
             yield from _of_travel(scene, k)
         elif whole > 0:
@@ -88,13 +81,8 @@ def of_joints(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
             detail = f" {sag:.2g} {kind.si}"
             yield from hint_if_outside(f"{path}.joint.gear_stiffness", stiffness, name, sag, -1.0, detail)
         usual = 9.81 * moved + BRISK * joint.armature
-        for key, row in _torques(scene) if moved > 0 else ():
+        for key, row in torques if moved > 0 else ():
             yield from hint_if_outside(arm.path(k + 1, key), row[k], kind.load, abs(row[k]) / usual)
-    yield from _of_controller(scene.drive)
-
-
-def _of_controller(drive: Drive) -> Iterator[Diagnostic]:
-    """Hints on an implausible sampling rate of a controller, and on gains of a bandwidth as large as PD gains."""
     if drive.rate is not None:
         yield from hint_if_outside("drive.rate", drive.rate, "rate", drive.rate)
     if drive.kind in {"computed_torque", "cascade"} and drive.kp:
@@ -114,14 +102,6 @@ def _of_travel(scene: Scene, k: int) -> Iterator[Diagnostic]:
             yield from hint_if_outside(key, value, "place", far)
 
 
-def _torques(scene: Scene) -> list[tuple[str, Sequence[float]]]:
-    drive = scene.drive
-    rows: list[tuple[str, Sequence[float]]] = [("drive.torque", drive.torque)] if drive.torque else []
-    if drive.torques:
-        rows += [("drive.torques", tuple(max(map(abs, column)) for column in zip(*drive.torques, strict=True)))]
-    return rows
-
-
 def of_loads(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
     """Hint on an implausible strain at the root of a flexible link, if the arm were stretched out under its loads."""
     arm, wrench = scene.arm, scene.wrench
@@ -136,7 +116,9 @@ def of_loads(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
             "tip.mass": about.pull * about.payload * beyond, "wrench.force": force * beyond, "wrench.moment": moment,
         }  # fmt: skip
         own = about.pull * about.first_moment(k) - parts["tip.mass"]
-        strain = _strain(material.young, section, own + sum(parts.values()))
+        # strain M c/(E I) of the outermost fibre about the stiffer axis: the least strain that the moment can cause
+        stiff = material.young * max(section.properties[1:3])
+        strain = (own + sum(parts.values())) * largest_dimension(section)[1] / 2 / stiff
         # materials with a Young's modulus below 5e9 Pa can bear larger strains
         known = ranges()["strain_of_soft" if material.young < 5e9 else "strain"]
         if known.holds(strain):
@@ -144,12 +126,6 @@ def of_loads(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
         most = max(parts, key=lambda key: parts[key])
         yield _overload(arm, link, most if parts[most] > 10 * own else "", strain, known, scene)
         return  # one hint is enough: later links bear less of the same load
-
-
-def _strain(E: float, section: Section, moment: float) -> float:
-    """Strain M c/(E I) of the outermost fibre for bending about the stiffer axis: the least strain that M can cause."""
-    _, i_y, i_z, _ = section.properties
-    return moment * largest_dimension(section)[1] / 2 / (E * max(i_y, i_z))
 
 
 def _overload(arm: Arm, link: Link, cause: str, strain: float, known: Range, scene: Scene) -> Diagnostic:

@@ -18,7 +18,8 @@ def of_materials(arm: Arm) -> Iterator[Diagnostic]:
     heavy = 2500.0, 23000.0
     for name, material in arm.materials.items():
         path, E, ρ = f"material.{name}", material.young, material.density
-        if not _is_made_up(arm, name):
+        sections = [arm.sections[link.section] for link in arm.links if link.material == name and link.section]
+        if not sections or not all(map(_is_no_section, sections)):  # else EI and ρA may be entered directly
             known = ranges()
             dense = known["density"].holds(ρ)
             yield from hint_if_outside(f"{path}.density", ρ, "density", ρ)
@@ -34,12 +35,6 @@ def of_materials(arm: Arm) -> Iterator[Diagnostic]:
         if link.damping is not None:
             ratio = link.damping.ratio
             yield from hint_if_outside(f"{arm.path(k)}.damping.ratio", ratio, "damping_ratio", ratio)
-
-
-def _is_made_up(arm: Arm, material: str) -> bool:
-    """Whether a material is used only with placeholder sections, as when EI and ρA are entered directly."""
-    sections = [arm.sections[link.section] for link in arm.links if link.material == material and link.section]
-    return bool(sections) and all(map(_is_no_section, sections))
 
 
 def _is_no_section(section: Section) -> bool:

@@ -102,18 +102,14 @@ def no_multiple(count: int, size: int) -> ArgumentError:
 @functools.cache
 def cell_of(p: int) -> Cell:
     """Return a cell of p hinges."""
-    t, (x, w) = _lobatto_nodes(p), np.polynomial.legendre.leggauss(p)
-    b = 2 / (p * (p + 1) * Legendre.basis(p)(t) ** 2)
-    lagrange = np.linalg.inv(legendre.legvander(t, p))  # column k: coefficients of L_k in Legendre polynomials
-    slopes = 2 * legendre.legval(x, legendre.legder(lagrange)).T  # L_k'(x_q), on [0, 1]
-    beyond = np.cumsum(slopes[:, ::-1], axis=1)[:, ::-1]  # Σ_k≥j L_k'(x_q)
-    return Cell((1 + t) / 2, np.asarray(b / 2), (1 + x) / 2, w / 2, np.asarray(beyond[:, 1:], dtype=np.float64))
-
-
-def _lobatto_nodes(p: int) -> Array:
-    """Gauss-Lobatto nodes on [−1, 1], ascending: ±1 and the roots of P_p'."""
     P = Legendre.basis(p)
     inner = np.sort(P.deriv().roots().real)
     for _ in range(3):  # Newton iterations remove the rounding error of the roots
         inner = inner - P.deriv()(inner) / P.deriv(2)(inner)
-    return np.concatenate([[-1.0], (inner - inner[::-1]) / 2, [1.0]])
+    t = np.concatenate([[-1.0], (inner - inner[::-1]) / 2, [1.0]])  # Gauss-Lobatto nodes: ±1 and the roots of P_p'
+    x, w = legendre.leggauss(p)
+    b = 2 / (p * (p + 1) * P(t) ** 2)
+    lagrange = np.linalg.inv(legendre.legvander(t, p))  # column k: coefficients of L_k in Legendre polynomials
+    slopes = 2 * legendre.legval(x, legendre.legder(lagrange)).T  # L_k'(x_q), on [0, 1]
+    beyond = np.cumsum(slopes[:, ::-1], axis=1)[:, ::-1]  # Σ_k≥j L_k'(x_q)
+    return Cell((1 + t) / 2, np.asarray(b / 2), (1 + x) / 2, w / 2, np.asarray(beyond[:, 1:], dtype=np.float64))

@@ -50,9 +50,8 @@ class Element(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.nodes or len(self.nodes) != len(self.weights):
-            raise self._refused(
-                "weights", f"expected one per node, {len(self.nodes)}, and at least one", "rule-weights"
-            )
+            why = f"expected one per node, {len(self.nodes)}, and at least one"
+            raise self._refused("weights", why, "rule-weights")
         if self.nodes[-1] > 1 or np.any(np.diff(self.nodes) <= 0):
             raise self._refused("nodes", "must increase within [0, 1]", "rule-nodes")
         if abs(sum(self.weights) - 1) > 1e-12:  # more than the rounding of weights written with 13 digits

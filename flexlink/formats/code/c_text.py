@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
 
 from flexlink.chain.chain import Chain
@@ -56,7 +57,7 @@ def to_c(chain: Chain, *, slopes: bool = False) -> str:
     tip = f"void {name}_tip(const double *x, double *tip)"
     parts = [_head(model, name), _function(model, rate, {"dx": model.rate}), _function(model, tip, {"tip": model.tip})]
     if slopes:
-        by_x, by_u = (_rows(columns) for columns in slopes_of(model))
+        by_x, by_u = ([*itertools.chain.from_iterable(zip(*by, strict=True))] for by in slopes_of(model))  # row by row
         head = f"void {name}_slopes(const double *x, const double *u, double *A, double *B)"
         parts.append(_in_blocks(model, head, f"{name}_slopes", {"A": by_x, "B": by_u}))
     return "\n\n".join([*parts, _test(model, name)]) + "\n"
@@ -65,15 +66,8 @@ def to_c(chain: Chain, *, slopes: bool = False) -> str:
 def check_length(tape: Tape, chain: Chain) -> None:
     """Refuse code with too many operations."""
     if len(tape.operations) > LONGEST:
-        raise ArgumentError(
-            f"{chain.name}: code of more than {LONGEST} operations; use fewer segments, strain modes, or slopes=False",
-            id="code-too-long",
-        )
-
-
-def _rows(columns: Sequence[Sequence[Real]]) -> list[Real]:
-    """A row-major matrix from its columns."""
-    return [entry for row in zip(*columns, strict=True) for entry in row]
+        text = f"code of more than {LONGEST} operations; use fewer segments, strain modes, or slopes=False"
+        raise ArgumentError(f"{chain.name}: {text}", id="code-too-long")
 
 
 def _head(model: Model, name: str) -> str:

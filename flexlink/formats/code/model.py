@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
-from flexlink.common.types import Array, Indices
+from flexlink.common.types import Array
 from flexlink.dynamics.accelerations import forward_dynamics as by_solver
 from flexlink.dynamics.free_motion import all_motions, first_joints
 from flexlink.dynamics.placement import tip_position
@@ -54,7 +54,7 @@ class Model(NamedTuple):
 
 def model_of(chain: Chain) -> Model:
     """Equations of motion of a chain."""
-    tape, m, joints = Tape(), chain.freedoms, _joints(chain)
+    tape, m, joints = Tape(), chain.freedoms, first_joints(chain, np.arange(chain.n))
     x, u = [tape.input() for _ in range(2 * m)], [tape.input() for _ in chain.active]
     q, qd, tau, qdd = _state(chain, x, u)
     if chain.shapes is None:
@@ -65,11 +65,6 @@ def model_of(chain: Chain) -> Model:
     zdd = np.where(chain.held[joints], qdd[joints], qdd if chain.shapes is None else work.z)
     tip = on_tape(forward_kinematics)(chain.arrays, q).points[-1]
     return Model(chain, tape, x, u, [*x[m:], *zdd], list(tip))
-
-
-def _joints(chain: Chain) -> Indices:
-    """The first joint that each coordinate moves."""
-    return first_joints(chain, np.arange(chain.n))
 
 
 def _state(chain: Chain, x: list[Number], u: list[Number]) -> tuple[Objects, Objects, Objects, Objects]:
@@ -87,7 +82,7 @@ def _inverse_workspace(chain: Chain) -> Any:
 def slopes_of(model: Model) -> tuple[list[list[Real]], list[list[Real]]]:
     """Columns of ∂ẋ/∂x and ∂ẋ/∂u."""
     chain, tape, m, by = model.chain, model.tape, model.chain.freedoms, [*model.x, *model.u]
-    free = np.flatnonzero(~chain.held[_joints(chain)])
+    free = np.flatnonzero(~chain.held[first_joints(chain, np.arange(chain.n))])
     rate = np.array(model.rate, object)
     rate[m + free] = [tape.hold(each) for each in rate[m + free]]
     net = _net_torques(chain, *_state(chain, model.x, model.u)[:3], all_motions(chain) @ rate[m:])[free].tolist()

@@ -50,15 +50,10 @@ class Number:
         raise TypeError("a kernel decides by a number of a tape")
 
     __eq__ = __hash__ = __bool__
-
-    def __radd__(self, other: float) -> Real:
-        return self + other
+    __radd__, __rmul__ = __add__, __mul__
 
     def __rsub__(self, other: float) -> Real:
         return -self if other == 0.0 else self.tape.write("-", other, self)
-
-    def __rmul__(self, other: float) -> Real:
-        return self * other
 
     def __rtruediv__(self, other: float) -> Real:
         return 0.0 if other == 0.0 else self.tape.write("/", other, self)

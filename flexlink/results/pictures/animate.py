@@ -26,18 +26,10 @@ from flexlink.common.output import write_or_keep
 from flexlink.common.types import Array
 from flexlink.data.documents import require_path
 from flexlink.results.files import ending
+from flexlink.results.pictures import projection
 from flexlink.results.pictures.colouring import STOPS, UNKNOWN, Colour
 from flexlink.results.pictures.film import Film, film_of
-from flexlink.results.pictures.projection import (
-    AROUND,
-    Projected,
-    digits_of_time,
-    floor_level,
-    floor_of,
-    number,
-    subtitle,
-    thickest,
-)
+from flexlink.results.pictures.projection import Projected, floor_level, thickest
 
 if TYPE_CHECKING:
     from flexlink.results.samples import RunSamples
@@ -82,7 +74,11 @@ class Shot(NamedTuple):
 def shot(path: str | Path, *, magnify: float, colour: str, fps: float, speed: float, width: int) -> Shot:
     """Check the arguments; errors as in `Trajectory.animate`."""
     path = require_path("path", path)
-    require_film(path)
+    ending(path, FORMATS, "a film")
+    if path.suffix != ".html":
+        _drawing()
+    if path.suffix == ".mp4":
+        require_ffmpeg()
     fps, width = positive("fps", fps), integer("width", width, 320, 3840)
     if path.suffix == ".gif":
         ticks = 100  # per second; a GIF shows each frame for an integer number of ticks
@@ -107,15 +103,6 @@ def animate(run: RunSamples, wanted: Shot, progress: Progress | None = None) -> 
     with deferred() as stop:
         write_or_keep(path, lambda place: _write(film, path.suffix, place, wanted.width, pulse))
     return PlayedPath(path)
-
-
-def require_film(path: Path) -> None:
-    """Refuse the name of a film that cannot be made here, before any frame is drawn."""
-    ending(path, tuple(FORMATS), "a film")
-    if path.suffix != ".html":
-        _drawing()
-    if path.suffix == ".mp4":
-        require_ffmpeg()
 
 
 def _drawing() -> ModuleType:
@@ -159,11 +146,8 @@ def require_ffmpeg() -> str:
     """Path of the program ffmpeg, which must be installed."""
     found = shutil.which("ffmpeg")
     if found is None:
-        raise MissingDependencyError(
-            "an .mp4 needs the program ffmpeg, which is not on the PATH; install it (ffmpeg.org, or your system's "
-            "package ffmpeg), or use .gif or .html",
-            id="package-missing",
-        )
+        text = "an .mp4 needs the program ffmpeg, which is not on the PATH; install it (ffmpeg.org, or your system's "
+        raise MissingDependencyError(f"{text}package ffmpeg), or use .gif or .html", id="package-missing")
     return found
 
 
@@ -179,9 +163,8 @@ def write_mp4(place: Path, images: Iterable[Image], size: tuple[int, int], fps: 
         output.seek(0)
         reason = " ".join(output.read().decode(errors="replace").split())
     if code:
-        raise EngineError(
-            f"ffmpeg failed with exit code {code}: {reason[-300:]}; use .gif or .html", id="ffmpeg-failed"
-        )
+        text = f"ffmpeg failed with exit code {code}: {reason[-300:]}; use .gif or .html"
+        raise EngineError(text, id="ffmpeg-failed")
 
 
 def _fed(command: list[str], images: Iterable[Image], output: IO[bytes]) -> int:
@@ -221,8 +204,9 @@ def data_of(film: Film) -> dict[str, Any]:
     poses = np.concatenate([film.p, film.R[..., 1], film.R[..., 2]], axis=-1)  # origin, y and z of every body
     level = np.nan_to_num(found.values / found.largest * 254, nan=255.0) if found.largest else found.values * 0 + 255
     return {
-        "name": film.name, "about": film.about, "subtitle": subtitle(film), "fps": film.fps,
-        "digits": digits_of_time(film), "bodies": film.p.shape[1], "t": _floats(film.t), "poses": _floats(poses),
+        "name": film.name, "about": film.about, "subtitle": projection.subtitle(film), "fps": film.fps,
+        "digits": projection.digits_of_time(film), "bodies": film.p.shape[1], "t": _floats(film.t),
+        "poses": _floats(poses),
         "values": base64.b64encode(np.nan_to_num(level, nan=255.0).round().astype(np.uint8).tobytes()).decode(),
         "link": outline.link.tolist(), "body": outline.body.tolist(), "place": _floats(outline.place),
         "axes": _floats(outline.axes), "across": _floats(outline.across), "round": outline.round.astype(int).tolist(),
@@ -232,9 +216,9 @@ def data_of(film: Film) -> dict[str, Any]:
         "trace": _floats(film.trace), "traceT": _floats(film.trace_t), "view": film.view.axes.tolist(),
         "vertical": film.view.vertical.tolist(), "spatial": film.view.spatial, "pivot": pivot.tolist(),
         "window": window, "thinnest": projected.thinnest[0],
-        "floor": floor_of(film).tolist() if film.view.spatial else [], "level": floor_level(film),
+        "floor": projection.floor_of(film).tolist() if film.view.spatial else [], "level": floor_level(film),
         "stops": list(STOPS), "unknown": UNKNOWN, "label": found.label if found.largest else "",
-        "ticks": [number(part * found.largest) for part in (0.0, 0.5, 1.0)],
+        "ticks": [projection.number(part * found.largest) for part in (0.0, 0.5, 1.0)],
     }  # fmt: skip
 
 
@@ -252,7 +236,7 @@ def turned_window(projected: Projected) -> tuple[Array, list[float]]:
     heights, level = found @ v, found - (found @ v)[:, None] * v
     pivot = (level.min(axis=0) + level.max(axis=0)) / 2
     r = float(np.linalg.norm(level - pivot, axis=1).max()) + thickest(film)
-    cos_e, sin_e, room = float(view(v)[1]), float(view.axes[2] @ v), AROUND * 2 * r
+    cos_e, sin_e, room = float(view(v)[1]), float(view.axes[2] @ v), projection.AROUND * 2 * r
     low, high = cos_e * min(heights.min(), floor_level(film)), cos_e * (heights.max() + thickest(film))
     return pivot, [-r - room, r + room, low - sin_e * r - room, high + sin_e * r + room]
 

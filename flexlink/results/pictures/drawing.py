@@ -14,17 +14,10 @@ from matplotlib.text import Text
 from numpy.typing import NDArray
 
 from flexlink.pages.colours import BLUE, INK, PALE
+from flexlink.results.pictures import projection
 from flexlink.results.pictures.colouring import STOPS, UNKNOWN
 from flexlink.results.pictures.film import Film
-from flexlink.results.pictures.projection import (
-    Projected,
-    Window,
-    axes_of_frame,
-    number,
-    scale_bar,
-    subtitle,
-    time_text,
-)
+from flexlink.results.pictures.projection import Projected, Window
 from flexlink.results.pictures.view import View
 
 Image = NDArray[np.uint8]
@@ -98,7 +91,7 @@ class Drawing:
         if film.view.spatial:
             self._shadow.set_data(*projected.shadow[k, :, :2].T)
         self._trace.set_data(*projected.trace[film.trace_t <= film.t[k] + 1e-12, :2].T)
-        self._clock.set_text(time_text(film, k))
+        self._clock.set_text(projection.time_text(film, k))
 
     def _colours(self, k: int) -> NDArray[np.float64]:
         """Colour of every span, from the mean of the values at its two ends."""
@@ -123,7 +116,7 @@ class Legend:
     def head(self, film: Film) -> Text:
         """Draw name and scales; return the text field for the time, which is still empty."""
         self._text(SIDE, self.height - 10, film.name, va="top", fontsize=11, fontweight="bold", parse_math=False)
-        self._text(SIDE, self.height - 31, subtitle(film), va="top", fontsize=9)
+        self._text(SIDE, self.height - 31, projection.subtitle(film), va="top", fontsize=9)
         style = {"va": "top", "ha": "right", "fontsize": 10, "family": "DejaVu Sans Mono"}
         return self._text(self.width - SIDE, self.height - 30, "", animated=True, **style)
 
@@ -131,7 +124,7 @@ class Legend:
         """Draw the colour bar with its unit, the scale bar and the key."""
         if film.colouring.largest:
             self._colours(film.colouring.largest, film.colouring.label)
-        length, text = scale_bar(window)
+        length, text = projection.scale_bar(window)
         right, pixels = self.width - SIDE, length / (window.right - window.left) * self.width
         ends = [(right - pixels) / self.width, right / self.width], [66 / self.height] * 2
         style = {"color": INK, "linewidth": 1.5, "solid_capstyle": "butt", "transform": self.figure.transFigure}
@@ -144,7 +137,7 @@ class Legend:
         bar = self.figure.add_axes((SIDE / self.width, 60 / self.height, 0.42, 10 / self.height))
         ticks = [0.0, largest / 2, largest]
         self.figure.colorbar(ScalarMappable(Normalize(0, largest), COLOURS), cax=bar, orientation="horizontal")
-        bar.set_xticks(ticks, [number(tick) for tick in ticks], fontsize=8, color=INK)
+        bar.set_xticks(ticks, [projection.number(tick) for tick in ticks], fontsize=8, color=INK)
         for place, tick in zip(("left", "center", "right"), bar.get_xticklabels(), strict=True):
             tick.set_ha(place)
         bar.tick_params(length=2, pad=1)
@@ -156,7 +149,7 @@ class Legend:
         place = self.figure.add_axes((x / self.width, 26 / self.height, side / self.width, side / self.height))
         place.set(xlim=(-1.8, 1.8), ylim=(-1.8, 1.8))
         place.set_axis_off()
-        for name, tip in axes_of_frame(view):
+        for name, tip in projection.axes_of_frame(view):
             place.plot([0.0, tip[0]], [0.0, tip[1]], color=BASE, linewidth=1.0)
             beyond = 1.45 * tip / max(float(np.linalg.norm(tip)), 0.6)
             place.text(*beyond, name, fontsize=8, color=GREY, ha="center", va="center")

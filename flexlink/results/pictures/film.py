@@ -67,9 +67,8 @@ class Film:
     @property
     def reach(self) -> float:
         """Length of the arm [m], the reference for the size of small parts."""
-        return (
-            sum(piece.length for piece in self.outline.pieces) or float(np.ptp(self.bodies, axis=(0, 1)).max()) or 1.0
-        )
+        length = sum(piece.length for piece in self.outline.pieces)
+        return length or float(np.ptp(self.bodies, axis=(0, 1)).max()) or 1.0
 
 
 def film_of(run: RunSamples, *, magnify: float, colour: Colour, fps: float, speed: float) -> Film:
@@ -81,7 +80,9 @@ def film_of(run: RunSamples, *, magnify: float, colour: Colour, fps: float, spee
     scene: Scene = run.scene
     rows = _rows(run, fps, speed)
     shown = picked(run, rows)
-    bent = _magnified(run, magnify)
+    bent, rest, passive = run.q.copy(), run.chain.rest, np.array([c.link > 0 for c in run.chain.coordinates])
+    passive[run.chain.active] = False
+    bent[:, passive] = rest[passive] + magnify * (run.q[:, passive] - rest[passive])
     trace_points = min(len(run.t), 1500)
     along = np.unique(np.linspace(0, len(run.t) - 1, trace_points).round().astype(int))
     R, p = placed(run, bent[rows])
@@ -97,11 +98,9 @@ def frame_count(lasts: float, fps: float, speed: float) -> int:
     """Number of frames in the film of a run that lasts `lasts` [s], at most `MOST_FRAMES`."""
     count = 1 + int(lasts * fps / speed + 1e-6)
     if count > MOST_FRAMES:
-        raise ArgumentError(
-            f"fps = {fps:g}, speed = {speed:g}: {count} frames for {lasts:g} s, more than {MOST_FRAMES}; use a speed "
-            f"of at least {1.01 * lasts * fps / MOST_FRAMES:.3g}, or a lower fps",
-            id="too-many-frames",
-        )
+        text = f"fps = {fps:g}, speed = {speed:g}: {count} frames for {lasts:g} s, more than {MOST_FRAMES}; use a "
+        text += f"speed of at least {1.01 * lasts * fps / MOST_FRAMES:.3g}, or a lower fps"
+        raise ArgumentError(text, id="too-many-frames")
     return count
 
 
@@ -111,14 +110,6 @@ def _rows(run: RunSamples, fps: float, speed: float) -> NDArray[np.intp]:
     after = np.clip(np.searchsorted(run.t, wanted), min(1, len(run.t) - 1), len(run.t) - 1)
     before = np.maximum(after - 1, 0)
     return np.asarray(np.where(wanted - run.t[before] < run.t[after] - wanted, before, after))
-
-
-def _magnified(run: RunSamples, magnify: float) -> Array:
-    """Angles with the deflections of passive joints magnified, shape (samples, n)."""
-    q, passive = run.q.copy(), np.array([c.link > 0 for c in run.chain.coordinates])
-    passive[run.chain.active] = False
-    q[:, passive] = run.chain.rest[passive] + magnify * (run.q[:, passive] - run.chain.rest[passive])
-    return q
 
 
 def placed(run: RunSamples, q: Array) -> tuple[Array, Array]:

@@ -20,8 +20,6 @@ from flexlink.describe.material import Section
 from flexlink.describe.scene import Scene
 
 Whole = Indices
-
-
 Cuts = tuple[tuple[int, ...], tuple[int, ...]]
 """Cuts whose loads act on the start and on the end of a piece; a cut is given by the index of its body, from 0.
 
@@ -90,10 +88,8 @@ def _order(chain: Chain, body: Whole, piece: Whole, cuts: list[Cuts]) -> Whole:
 
 def _cuts(arm: Arm, chain: Chain, found: list[Piece]) -> list[Cuts]:
     """Cuts of every piece, due to its own hinges and the children of its link, not due to other links on its body."""
-    of_body = [
-        chain.coordinates[first].link if stop > first else 0
-        for first, stop in zip(chain.bodies["first"].tolist(), chain.bodies["stop"].tolist(), strict=True)
-    ]
+    hinges = zip(chain.bodies["first"].tolist(), chain.bodies["stop"].tolist(), strict=True)
+    of_body = [chain.coordinates[first].link if stop > first else 0 for first, stop in hinges]
     for name, number in chain.tips.items():
         of_body[number] = arm.number(name)
     behind = [{k} for k in range(len(arm.links) + 1)]
