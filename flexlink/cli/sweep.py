@@ -75,17 +75,12 @@ def _planned(options: argparse.Namespace) -> Plan:
     with prefix_errors(options.sweep):
         plan = Plan(replace(sweep, set={**sweep.set, **changes}))
         preflight(plan)
-    _print_hints_of_members(plan, options)
-    return plan
-
-
-def _print_hints_of_members(plan: Plan, options: argparse.Namespace) -> None:
-    """Warn of numbers of the first and the last member that are likely given in another unit, once for each path."""
     found: dict[str, Diagnostic] = {}
-    for number in (0, plan.members - 1):
+    for number in (0, plan.members - 1):  # once for each path
         with contextlib.suppress(FlexlinkError):  # the error is stored later, in this member's row
             found = {hint.partition(" = ")[0]: hint for hint in hints(plan.member(number)[0])} | found
     print_hints(found.values(), options)
+    return plan
 
 
 def _summary(store: Store, before: int, seconds: float) -> None:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import html
-import importlib
 from collections.abc import Sequence
 from types import ModuleType
 
-from flexlink.common.errors import MissingDependencyError, how_to_install
+from flexlink.common.errors import imported
 
 
 def html_table(caption: str, heads: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
@@ -33,8 +32,4 @@ def _cells(tag: str, texts: Sequence[str]) -> str:
 
 def drawing_module(name: str) -> ModuleType:
     """Import a plotting module of flexlink when something is drawn; its layer may be above the caller's layer."""
-    try:
-        return importlib.import_module(f"flexlink.{name}")
-    except ImportError:
-        text = f"plotting needs matplotlib; install it with: {how_to_install('report')}"
-        raise MissingDependencyError(text, id="package-missing") from None
+    return imported(f"flexlink.{name}", "plotting needs matplotlib;", "report")

@@ -29,7 +29,6 @@ UNITS = {
 }  # fmt: skip
 """Units allowed in headers, with their SI unit and conversion factor. Units of angle and length may be followed by "/s"
 and "/s²"."""
-WITH_RATES = {"rad", "m"}
 PER = {"": "", "/s": "/s", "/s²": "/s²", "/s^2": "/s²"}
 """Suffixes that may follow a unit, and their SI form."""
 
@@ -113,7 +112,7 @@ def _split(unit: str) -> tuple[str, float] | None:
     """SI unit for a given unit, and the conversion factor; None if the unit is unknown."""
     for per, written in PER.items():
         base, size = UNITS.get(unit.removesuffix(per) if per else unit, ("", 0.0))
-        if base and (not per or (unit.endswith(per) and base in WITH_RATES)):
+        if base and (not per or (unit.endswith(per) and base in {"rad", "m"})):
             return base + written, size
     return None
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import multiprocessing
 import os
 import signal
@@ -13,7 +12,7 @@ from multiprocessing.connection import Connection, wait
 from threading import Thread
 from typing import Any
 
-from flexlink.common.errors import ArgumentError, EngineError, MissingDependencyError, how_to_install
+from flexlink.common.errors import ArgumentError, EngineError, imported
 from flexlink.common.wording import truncated
 
 TASKS_PER_WORKER = 2
@@ -126,12 +125,7 @@ def _own(pool: WorkerPool) -> Iterator[WorkerPool]:
 
 def _on_cluster(address: str) -> Iterator[WorkerPool]:
     """Pool on the cluster of a Dask scheduler at an address, for example tcp://10.0.0.1:8786."""
-    try:
-        distributed = importlib.import_module("distributed")
-    except ImportError:
-        raise MissingDependencyError(
-            f"a Dask cluster needs distributed; install it with: {how_to_install('dask')}", id="package-missing"
-        ) from None
+    distributed = imported("distributed", "a Dask cluster needs distributed;", "dask")
     try:
         client = distributed.Client(address, timeout=DASK_TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as error:

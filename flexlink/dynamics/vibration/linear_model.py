@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import integer, positive
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import ArgumentError, MissingDependencyError, how_to_install
+from flexlink.common.errors import ArgumentError, imported
 from flexlink.common.types import Array, Complex
 from flexlink.common.wording import plural, truncated
 from flexlink.dynamics.filters import LinearFilter, linear_filter
@@ -279,13 +279,7 @@ class LinearModel(SavedResult):
             An output has a delay, which only the `sampled` model contains.
         """
         self._require_no_delay()
-        try:
-            from control import ss  # noqa: PLC0415
-        except ImportError:
-            raise MissingDependencyError(
-                f"control() needs python-control; install it with: {how_to_install('control')}",
-                id="package-missing",
-            ) from None
+        ss = imported("control", "control() needs python-control;", "control").ss
         lists = {"states": self.states, "inputs": self.inputs, "outputs": self.outputs}
         names = {kind: [name.replace(".", "_") for name in each] for kind, each in lists.items()}
         system = ss(self.A, self.B, self.C, self.D, self.dt, **names)

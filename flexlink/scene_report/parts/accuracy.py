@@ -26,8 +26,10 @@ def made(study: Study) -> Part | None:
     choices = about.choices()
     pictures = [picture for picture in (_in_time(about), _prices(choices)) if picture is not None]
     sentences = (*_hinge_error(about), _step_error(about), _costs(about, choices))
-    verdicts, tables = (_verdict(about), _cost(choices[0], study)), (_table(about, choices),)
-    return Part(tuple(filter(None, sentences)), verdicts, tuple(pictures), tables)
+    own = choices[0].seconds
+    cost = f"CPU time of the steps: {number(study.scene.run.duration / own)} × real-time speed."
+    verdicts = _verdict(about), Verdict("Cost", "info", _seconds(own), cost)
+    return Part(tuple(filter(None, sentences)), verdicts, tuple(pictures), (_table(about, choices),))
 
 
 def _hinge_error(about: Refinement) -> list[str]:
@@ -109,11 +111,6 @@ def _verdict(about: Refinement) -> Verdict:
     warned = " The run gave warnings: see “Motion”." if doubts else ""
     text = f"Tip error from {what}: {percent(share)} of the tip’s travel.{warned}"
     return Verdict("Model error", state, _length(error), text)
-
-
-def _cost(own: Choice, study: Study) -> Verdict:
-    faster = study.scene.run.duration / own.seconds
-    return Verdict("Cost", "info", _seconds(own.seconds), f"CPU time of the steps: {number(faster)} × real-time speed.")
 
 
 def _table(about: Refinement, choices: Sequence[Choice]) -> Table:

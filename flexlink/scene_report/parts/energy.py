@@ -28,11 +28,8 @@ def made(study: Study) -> Part | None:
     once, steps = _rounding(run), run.steps.taken if run.steps is not None else 0
     nothing = 1e6  # the arm counts as at rest if it exchanges less energy than this multiple of the rounding error
     still = exchanged <= nothing * float(once[-1])
-    of = (
-        "; the arm is at rest and exchanges no energy"
-        if still
-        else f", {percent(share)} of the {number(exchanged)} J exchanged"
-    )
+    of = f", {percent(share)} of the {number(exchanged)} J exchanged"
+    of = "; the arm is at rest and exchanges no energy" if still else of
     text = f"Largest energy error: {number(imbalance[worst])} J at {number(run.t[worst])} s{of}."
     meant = (
         "Energy error = E − E(0) − W. E: kinetic, gravity and elastic energy. W: work of drives, friction, damping and "

@@ -15,7 +15,7 @@ from flexlink.pages.tables import Cell, Table, columns_csv
 from flexlink.pages.verdict import Fact
 from flexlink.results.pictures.colouring import colouring
 from flexlink.results.pictures.film import placed
-from flexlink.results.pictures.outline import Outline, has_rectangle_instead, outline_of
+from flexlink.results.pictures.outline import has_rectangle_instead, outline_of
 from flexlink.results.samples import RunSamples, picked
 from flexlink.results.trajectory import Trajectory
 from flexlink.scene_report.study import Study
@@ -58,11 +58,6 @@ def _place(study: Study, body: int) -> str:
     return chain.joint_name(first) if stop > first else f"body {body} (fixed)"
 
 
-def _cuts(study: Study) -> list[int]:
-    """Return the bodies at the roots of the links, one for every driven joint."""
-    return [study.chain.body(int(k)) for k in study.chain.active] or [0]
-
-
 def _table(study: Study) -> Table:
     chain = study.chain
     heads = ("location", "tension [N]", "compression [N]", "shear [N]", "torque [N m]", "bending [N m]", "drive [N m]")
@@ -86,7 +81,7 @@ def _picture(study: Study, driven: list[int]) -> Picture:
     run, chain = study.run, study.chain
     figure, axes = stacked_axes(2 if driven else 1, 2.2)
     columns = {"t [s]": run.t}
-    for place, body in enumerate(_cuts(study)):
+    for place, body in enumerate([chain.body(int(k)) for k in chain.active] or [0]):  # at the roots of the links
         name = f"bending {_place(study, body)} [N m]"
         columns[name] = np.linalg.norm(run.loads.moment[:, body, 1:], axis=1)
         label = _place(study, body) if place < NAMED_CURVES else None
@@ -134,14 +129,10 @@ def peak_stress(run: RunSamples) -> PeakStress | None:
         row, station = np.unravel_index(int(np.nanargmax(stress)), stress.shape)
         link = arm.links[outline.link[station] - 1]
         if best is None or stress[row, station] > best.pascals:
+            begin, end = outline.pieces[outline.piece[station]].part
+            along = float(begin + outline.part[station] * (end - begin))  # as a fraction of the link's length
             best = PeakStress(
-                float(stress[row, station]), link.name, _along(outline, int(station)) * float(link.beam.length),
+                float(stress[row, station]), link.name, along * float(link.beam.length),
                 float(part.t[row]), bool(link.section and has_rectangle_instead(arm.sections[link.section])),
             )  # fmt: skip
     return best
-
-
-def _along(outline: Outline, station: int) -> float:
-    """Position of a station as a fraction of its link's length."""
-    begin, end = outline.pieces[outline.piece[station]].part
-    return float(begin + outline.part[station] * (end - begin))
