@@ -102,6 +102,7 @@ class Advisor:
         self.scene, self.goal, self.measure, self._started = scene, goal, measure, thread_time()
         self.runner, self.norm = ModelRunner(scene, budget), TipErrorNorm(goal, scene.run.spacing)
         self.axes, self.lines = all_axes(scene), list[str]()
+        self.size = self.runner.chain(uniform(self.axes, Thresholds.hinges)).size
         self.rigid: Outcome | None = None
 
     def advice(self) -> Advice:
@@ -128,7 +129,7 @@ class Advisor:
     def _rigid_is_enough(self) -> Advice | None:
         if self.goal.deflection:
             return None
-        self.rigid = rigid.rigid_run(self.runner, self.goal, self._size())
+        self.rigid = rigid.rigid_run(self.runner, self.goal, self.size)
         if self.rigid is None or self.rigid.run is None:
             return None
         self.runner.sample_postures(self.rigid.run)
@@ -150,15 +151,12 @@ class Advisor:
         outcome = rigid.cheapest_run(self.runner, strict, tolerance, total)
         return self._done(rigid.rigid_model(self.runner), outcome, total(outcome.tip), tolerance, travel, None)
 
-    def _size(self) -> float:
-        return self.runner.chain(uniform(self.axes, Thresholds.hinges)).size
-
     def _first_flexible_run(self) -> tuple[Stepping, float]:
         """Return time steps whose errors on the coarsest chain are far below the tolerance, and this tolerance [m]."""
         model = uniform(self.axes, Thresholds.hinges)
-        travel = tip_travel(self.rigid.tip) if self.rigid else Thresholds.first_guess * self._size()
-        tolerance = self.goal.tolerance(travel, travel) or self.goal.size * self._size()
-        least, share = least_tolerance(self._size()), Thresholds.reference_step_share
+        travel = tip_travel(self.rigid.tip) if self.rigid else Thresholds.first_guess * self.size
+        tolerance = self.goal.tolerance(travel, travel) or self.goal.size * self.size
+        least, share = least_tolerance(self.size), Thresholds.reference_step_share
         # stricter steps measure the step errors, which are many times the steps' tolerance in sensitive motion
         strictness, passes = 0.1, 8
         stepping, known_tolerance = Stepping("auto", tolerance=share * tolerance), tolerance
@@ -171,7 +169,12 @@ class Advisor:
             travel, bent = tip_travel(outcome.tip), float(deflections(outcome.run).max())
             known_tolerance = self.goal.tolerance(travel, bent)
             if known_tolerance < least:
-                raise self._still(bent if self.goal.deflection else travel, least)
+                what, size = ("springs deflect the tip", bent) if self.goal.deflection else ("the tip moves", travel)
+                raise ArgumentError(
+                    f"{self.scene.name}: {what} by only {size:.2g} m, and {self.goal} of that is below the rounding "
+                    f"error, {least:.2g} m; specify the error as a length, such as tip = '1 mm'",
+                    id="no-motion",
+                )
             if stepping.tolerance == least:
                 return stepping, known_tolerance
             if known_tolerance >= tolerance / Thresholds.rerun_factor:
@@ -184,15 +187,6 @@ class Advisor:
                 share *= strictness
             tolerance = known_tolerance
         return stepping, known_tolerance
-
-    def _still(self, size: float, least: float) -> ArgumentError:
-        """Return the error to raise if the goal is a fraction of a motion whose `size` [m] is too small."""
-        what = "springs deflect the tip" if self.goal.deflection else "the tip moves"
-        return ArgumentError(
-            f"{self.scene.name}: {what} by only {size:.2g} m, and {self.goal} of that is below the rounding error, "
-            f"{least:.2g} m; specify the error as a length, such as tip = '1 mm'",
-            id="no-motion",
-        )
 
     def _cheapest(self, refinement: RefinementStudy, known: Array) -> Advice:
         assert refinement.limit is not None
@@ -247,8 +241,15 @@ class Advisor:
     def _done(
         self, model: Model, outcome: Outcome, error: float, tolerance: float, travel: float, limit: Limit | None
     ) -> Advice:
+        links = zip(self.scene.arm.links, model, strict=True)
+        lines = [line("link", f"{link.name}: {bend or 'rigid'}") for link, bend in links]
+        chain = self.runner.chain(model)
+        freedoms = f"{chain.freedoms} degrees of freedom"
+        lost = short_list([one.name for one in gauges_lost(self.scene, model)])
+        lines += [line("sensor", f"{lost}: left out, as its link is rigid; for strain, let it bend")] if lost else []
+        lines.append(line("moves in", f"{'a plane' if chain.is_planar else 'space'}, {freedoms}"))
+        lines.append(line("step", self._steps(model, outcome)))
         end = self.scene.initial.time + self.scene.run.duration
-        lines = self._choices(model, outcome)
         return self._result(model, outcome, error, tolerance, travel, limit, end, lines)
 
     def _result(
@@ -272,16 +273,6 @@ class Advisor:
             error <= tolerance, self.runner.scene_of(model, outcome.stepping), error, tolerance, travel, whole,
             again, limit, holds, self.runner.count, took, (first, *falls, *self.lines, *lines, *last),
         )  # fmt: skip
-
-    def _choices(self, model: Model, outcome: Outcome) -> list[str]:
-        links = zip(self.scene.arm.links, model, strict=True)
-        lines = [line("link", f"{link.name}: {bend or 'rigid'}") for link, bend in links]
-        chain = self.runner.chain(model)
-        freedoms = f"{chain.freedoms} degrees of freedom"
-        lost = short_list([one.name for one in gauges_lost(self.scene, model)])
-        lines += [line("sensor", f"{lost}: left out, as its link is rigid; for strain, let it bend")] if lost else []
-        lines.append(line("moves in", f"{'a plane' if chain.is_planar else 'space'}, {freedoms}"))
-        return [*lines, line("step", self._steps(model, outcome))]
 
     def _steps(self, model: Model, outcome: Outcome) -> str:
         stepping = outcome.stepping

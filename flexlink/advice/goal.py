@@ -67,7 +67,9 @@ class TipErrorNorm:
     """Norm of differences between tip paths, shape (samples, 3) [m], below the goal's band."""
 
     def __init__(self, goal: Goal, sample: float) -> None:
-        self.window = _window(goal.band, sample)
+        half = round(1.0 / (goal.band * sample)) if np.isfinite(goal.band) else 0
+        # Hann window of length 2/band; its gain is zero above the band, except for side lobes of 3 %
+        self.window = np.hanning(2 * half + 1)[1:-1] if half > 1 else None
 
     def filtered(self, difference: Array) -> Array:
         """The difference without vibrations above the band."""
@@ -93,12 +95,6 @@ class TipErrorNorm:
     def __call__(self, difference: Array) -> float:
         """Largest length of the difference [m]; inf if the difference is not finite."""
         return float(self.lengths(difference).max()) if np.isfinite(difference).all() else np.inf
-
-
-def _window(band: float, sample: float) -> Array | None:
-    """Hann window of length 2/band; its gain is zero above the band, except for side lobes of 3 %."""
-    half = round(1.0 / (band * sample)) if np.isfinite(band) else 0
-    return np.hanning(2 * half + 1)[1:-1] if half > 1 else None
 
 
 def least_tolerance(size: float) -> float:

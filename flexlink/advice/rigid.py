@@ -170,18 +170,11 @@ def release(runner: ModelRunner, strict: Outcome, model: Model, q: Array) -> tup
     except FlexlinkError:  # no equilibrium: the deflection is unknown
         return np.full(3, np.nan), np.full_like(strict.tip, np.nan)
     start = tip_position(chain, bent) - tip_position(chain, q)
-    δ = _turned(rigid, chain, q, bent - q)
+    there = np.array([chain.index(*coordinate) for coordinate in rigid.coordinates], np.intp)
+    free, δ = ~rigid.held, np.zeros(rigid.n)
+    rows = mass_matrix(chain, q)[there[free]]
+    δ[free] = np.linalg.pinv(rows[:, there[free]]) @ (rows @ (bent - q))
     if not δ.any():
         return start, np.zeros_like(strict.tip)
     initial = replace(runner.scene.initial, passive="zero", q=tuple((strict.run.q[0] + δ).tolist()))
     return start, runner.run_from(initial, (None,) * len(model), strict.stepping).tip - strict.tip
-
-
-def _turned(rigid: Chain, chain: Chain, q: Array, w: Array) -> Array:
-    """Rotations δ of the rigid chain's joints for spring angles w; 0 for held joints."""
-    there = np.array([chain.index(*coordinate) for coordinate in rigid.coordinates], np.intp)
-    free = ~rigid.held
-    rows = mass_matrix(chain, q)[there[free]]
-    δ = np.zeros(rigid.n)
-    δ[free] = np.linalg.pinv(rows[:, there[free]]) @ (rows @ w)
-    return δ

@@ -276,7 +276,11 @@ def _explained(field: str, diff: Discrepancy, format: str) -> Finding:
         values = getattr(theirs, name)
         faulty[name] = values.copy() if global_field else with_rows(getattr(ours, name), values, diff.rows)
     where = "" if global_field else _where(ours.names, diff.rows)
-    what = f"{_subject(field, where)}: {_instead(field, diff)}"
+    subject = table().fields[field].label
+    if where:
+        coupled = field in COUPLED_FIELDS
+        subject = f"{subject.removesuffix(' joints')} {where}" if coupled else f"{subject} of {where}"
+    what = f"{subject}: {_instead(field, diff)}"
     words = table().fields[field].id, _of_joints(field, diff), mistake.likely, mistake.remedy
     return _worded(words, what, where, format, dataclasses.replace(ours, **faulty))
 
@@ -286,14 +290,6 @@ def _worded(words: tuple[str, Field, str, str], what: str, where: str, format: s
     few = where.startswith(("joint ", "joints "))
     tag, joints = getattr(field, format, field.label), where if few else "these joints"
     return Finding(what, likely, remedy.format(tag=tag, unit=field.unit, where=joints), id, faulty)
-
-
-def _subject(field: str, where: str) -> str:
-    """Text that names the field and the joints."""
-    label = table().fields[field].label
-    if field in COUPLED_FIELDS:
-        return f"{label.removesuffix(' joints')} {where}"
-    return f"{label} of {where}" if where else label
 
 
 def _instead(field: str, diff: Discrepancy) -> str:

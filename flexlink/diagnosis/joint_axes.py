@@ -59,9 +59,11 @@ def _undo_one(
     """Return the displacement of the first displaced joint k, `theirs` without it, and `ours_displaced` with it."""
     sin, off = (float(part[k]) for part in deviations(ours, theirs))
     angle = float(np.arcsin(min(1.0, sin)))
-    before = _moved_by_joint_before(ours, theirs, k, tolerance)
-    motion = None if before is None else _rigid_motion(ours, theirs, before, tolerance)
-    k, motion = (k, _rigid_motion(ours, theirs, k, tolerance)) if before is None or motion is None else (before, motion)
+    before, motion = int(ours.parents[k]), None  # its body may be displaced along or about its axis
+    moved_before = np.linalg.norm(theirs.centers[before] - ours.centers[before]) > tolerance * reach(ours)
+    if before >= 0 and ours.masses[before] > 0 and moved_before:
+        motion = _rigid_motion(ours, theirs, before, tolerance)
+    k, motion = (k, _rigid_motion(ours, theirs, k, tolerance)) if motion is None else (before, motion)
     if _only_axis_moved(ours, theirs, k, tolerance, rigid_behind=motion is not None):
         R = theirs.frames[k]
         axes = theirs.axes[k] @ R, ours.axes[k] @ R
@@ -79,13 +81,6 @@ def _undo_one(
     offset = float(np.linalg.norm(moved - point))
     frame = Displacement(k, _angle(R), offset, unit_factor=None if unit is None else unit[0])
     return frame, _moved_rigidly(theirs, k, R.T, moved, point), _moved_rigidly(ours_displaced, k, R, point, moved)
-
-
-def _moved_by_joint_before(ours: ReadBack, theirs: ReadBack, k: int, tolerance: float) -> int | None:
-    """Parent of joint k if the parent's body is displaced along or about the parent's axis; otherwise None."""
-    before = int(ours.parents[k])
-    moved = np.linalg.norm(theirs.centers[before] - ours.centers[before]) > tolerance * reach(ours)
-    return before if before >= 0 and ours.masses[before] > 0 and moved else None
 
 
 def _only_axis_moved(ours: ReadBack, theirs: ReadBack, k: int, tolerance: float, *, rigid_behind: bool) -> bool:

@@ -133,15 +133,11 @@ def columns_of(block: Block, name: str) -> Array:
     return np.ascontiguousarray(column.T) if column.ndim > 1 else np.array([column] * len(block.members))
 
 
-def _count(name: str) -> Callable[[SweepOutput, Trajectory], float]:
-    def count(_: SweepOutput, run: Trajectory) -> float:
-        if run.steps is None:
-            raise ArgumentError(
-                f"of = {name!r}: only runs of flexlink's native engine count them", id="engine-does-not-support"
-            )
-        return float(getattr(run.steps, {"steps": "taken"}.get(name, name)))
-
-    return count
+def _counted(run: Trajectory, name: str) -> float:
+    if run.steps is None:
+        text = f"of = {name!r}: only runs of flexlink's native engine count them"
+        raise ArgumentError(text, id="engine-does-not-support")
+    return float(getattr(run.steps, {"steps": "taken"}.get(name, name)))
 
 
 class Measure(NamedTuple):
@@ -159,8 +155,8 @@ def _stated(run: Trajectory) -> float:
 
 
 MEASURES: Mapping[str, Measure] = {
-    "steps": Measure(_count("steps"), set()),
-    "evaluations": Measure(_count("evaluations"), set()),
+    "steps": Measure(lambda _output, run: _counted(run, "steps"), set()),
+    "evaluations": Measure(lambda _output, run: _counted(run, "evaluations"), set()),
     "error [m]": Measure(lambda _output, run: _stated(run), set()),
     "settling time [s]": Measure(
         lambda output, run: run.settling_time(

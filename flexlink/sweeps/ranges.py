@@ -164,9 +164,6 @@ class RandomDesign(Spec, frozen=True):
             )
 
 
-Listed = Range | list[Any]
-
-
 @dataclasses.dataclass(frozen=True)
 class Axis:
     """Keys that vary together: `at(k)` returns a value of every key for k = 0 … `count` − 1."""
@@ -209,7 +206,7 @@ def sample_axis(sample: RandomDesign) -> Axis:
     return Axis(tuple(sample.keys), sample.count, at)
 
 
-def _listed(path: str, values: Any) -> Listed:
+def _listed(path: str, values: Any) -> Range | list[Any]:
     if isinstance(values, dict):
         return decode(values, Range, path)
     if not isinstance(values, list | tuple):
