@@ -117,9 +117,8 @@ class Advisor:
         refinement = RefinementStudy(self.runner, self.norm, self.goal, self.axes, stepping)
         refinement.refine()
         if refinement.limit is None:
-            raise ArgumentError(
-                f"{self.scene.name}: fewer than two models could be run: {refinement.reason}", id="too-few-models"
-            )
+            why = f"{self.scene.name}: fewer than two models could be run: {refinement.reason}"
+            raise ArgumentError(why, id="too-few-models")
         of_steps = refinement.remove_step_errors()
         known = refinement.limit.errors + of_steps + self.norm.up_to(screening.left_out)
         if known[-1] >= refinement.tolerance:

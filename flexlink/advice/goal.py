@@ -45,21 +45,16 @@ def goal_of(tip: float | str, *, deflection: bool, band: float | None, run: RunS
     else:
         size, metres = real("tip", tip, wanted), False
     if not 0 < size < (np.inf if metres else 1.0):
-        raise ArgumentError(
-            f"tip = {truncated(tip)}: expected a fraction of the travel between 0 and 1, or a length such as '2 mm'",
-            id="tip-goal",
-        )
+        why = f"tip = {truncated(tip)}: expected a fraction of the travel between 0 and 1, or a length such as '2 mm'"
+        raise ArgumentError(why, id="tip-goal")
     if metres and deflection:
-        raise ArgumentError(
-            f"deflection = True: tip = {truncated(tip)} is a length; expected a fraction of the deflection",
-            id="tip-goal",
-        )
+        why = f"deflection = True: tip = {truncated(tip)} is a length; expected a fraction of the deflection"
+        raise ArgumentError(why, id="tip-goal")
     if band is not None:
         band, highest = positive("band", band), 0.5 / run.spacing
         if band > highest:
-            raise ArgumentError(
-                f"band = {band!r}: samples {run.spacing:g} s apart resolve at most {highest:g} Hz", id="band-too-wide"
-            )
+            why = f"band = {band!r}: samples {run.spacing:g} s apart resolve at most {highest:g} Hz"
+            raise ArgumentError(why, id="band-too-wide")
     return Goal(size, metres, deflection, np.inf if band is None else band)
 
 

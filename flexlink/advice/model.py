@@ -127,14 +127,11 @@ def checked_scene(scene: Scene) -> Scene:
                 id="hinge-state-with-advice",
             )
     if scene.run.duration == 0:
-        raise SceneError(
-            f"run.duration = {scene.run.duration!r}: advice needs a motion; use a duration > 0", id="no-motion"
-        )
+        why = f"run.duration = {scene.run.duration!r}: advice needs a motion; use a duration > 0"
+        raise SceneError(why, id="no-motion")
     if not any(map(is_beam, scene.arm.links)):
-        raise SceneError(
-            "link: no link can bend, so there is nothing to choose; give a link a material and a section",
-            id="no-flexible-link",
-        )
+        why = "link: no link can bend, so there is nothing to choose; give a link a material and a section"
+        raise SceneError(why, id="no-flexible-link")
     return scene
 
 

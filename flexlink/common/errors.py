@@ -245,6 +245,5 @@ def imported(name: str, needs: str, extra: str) -> ModuleType:
     try:
         return importlib.import_module(name)
     except ImportError:
-        raise MissingDependencyError(
-            f"{needs} install it with: {how_to_install(extra)}", id="package-missing"
-        ) from None
+        why = f"{needs} install it with: {how_to_install(extra)}"
+        raise MissingDependencyError(why, id="package-missing") from None

@@ -192,20 +192,15 @@ def _format(path: Path, n: int) -> str:
     root = safe_xml.parse(read_regular(path, largest=safe_xml.LARGEST, error=DataFileError), str(path))
     roots = {"mujoco": "mjcf", "robot": "urdf", "sdf": "sdf"}
     if root.tag not in roots:
-        raise DataFileError(
-            f"{path}: root is <{root.tag}>; expected <mujoco> (MJCF), <robot> (URDF) or <sdf>",
-            id="unknown-root-element",
-        )
+        why = f"{path}: root is <{root.tag}>; expected <mujoco> (MJCF), <robot> (URDF) or <sdf>"
+        raise DataFileError(why, id="unknown-root-element")
     if (unfolded := _unfolded(root)) > safe_xml.MOST_ELEMENTS:
-        raise DataFileError(
-            f"{path}: {unfolded:.3g} elements, with their counts; at most {safe_xml.MOST_ELEMENTS} are read",
-            id="file-too-large",
-        )
+        why = f"{path}: {unfolded:.3g} elements, with their counts; at most {safe_xml.MOST_ELEMENTS} are read"
+        raise DataFileError(why, id="file-too-large")
     hinges, most = sum(1 for joint in root.iter("joint") if joint.get("type") != "fixed"), max(n, 300)
     if hinges > most:  # for n joints Pinocchio needs 35 n³ bytes
-        raise DataFileError(
-            f"{path}: {hinges} joints, but the scene's arm has {n}; at most {most} are allowed", id="too-many-joints"
-        )
+        why = f"{path}: {hinges} joints, but the scene's arm has {n}; at most {most} are allowed"
+        raise DataFileError(why, id="too-many-joints")
     return roots[root.tag]
 
 

@@ -134,9 +134,8 @@ def _of_one_layout(chain: Chain | Sequence[Chain]) -> Sequence[Chain]:
         raise ArgumentError("chain: no chain given; expected one, or one per state", id="wrong-shape")
     for k, other in enumerate(chains):
         if not chains[0].same_layout(other):
-            raise ArgumentError(
-                f"chain[{k}]: joints or bodies differ from chain[0]; only their values may differ", id="chains-differ"
-            )
+            why = f"chain[{k}]: joints or bodies differ from chain[0]; only their values may differ"
+            raise ArgumentError(why, id="chains-differ")
     return chains
 
 
@@ -145,10 +144,8 @@ def _forward_dynamics_of_many(
 ) -> Array:
     n = chains[0].n
     if not is_batch(*state):
-        raise ArgumentError(
-            f"q, qd, tau: a list of chains needs one state per chain; give at least one of them as (b, {n})",
-            id="wrong-shape",
-        )
+        why = f"q, qd, tau: a list of chains needs one state per chain; give at least one of them as (b, {n})"
+        raise ArgumentError(why, id="wrong-shape")
     states = rows(n, dict(zip(("q", "qd", "tau"), state, strict=True)))
     b = len(states[0])
     if len(chains) not in {1, b}:

@@ -73,10 +73,8 @@ def load_here(name: str, source: Chain | ForeignFile) -> Engine:
     try:
         module = importlib.import_module(adapter.module)
     except ImportError as error:
-        raise MissingDependencyError(
-            f"engine {name!r} cannot be imported ({error}); install it with: {how_to_install(adapter.extra)}",
-            id="package-missing",
-        ) from error
+        why = f"engine {name!r} cannot be imported ({error}); install it with: {how_to_install(adapter.extra)}"
+        raise MissingDependencyError(why, id="package-missing") from error
     cls = getattr(module, adapter.class_name)
     foreign = isinstance(source, ForeignFile)
     if not foreign and not adapter.holds:

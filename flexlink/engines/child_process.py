@@ -114,9 +114,8 @@ class ChildProcess:
         if code == -signal.SIGINT:
             return KeyboardInterrupt()  # a terminal sends the signal to both processes
         if self._late:
-            return EngineError(
-                f"{what}: no result within {seconds:g} s; the child process was killed", id="engine-timeout"
-            )
+            why = f"{what}: no result within {seconds:g} s; the child process was killed"
+            return EngineError(why, id="engine-timeout")
         how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
         last = next((line for line in reversed(self.output()) if line), "none")
         return EngineError(f"{what}: the child process {how}; last line of its output: {last}", id="engine-crashed")

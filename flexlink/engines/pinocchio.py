@@ -218,9 +218,8 @@ def transmissions(robot: ET.Element, names: Sequence[str]) -> Array:
             try:
                 gear[name] = float(reduction)
             except ValueError:
-                raise ArgumentError(
-                    f"joint {name!r}: mechanicalReduction = {reduction!r} is not a number", id="number-in-file"
-                ) from None
+                why = f"joint {name!r}: mechanicalReduction = {reduction!r} is not a number"
+                raise ArgumentError(why, id="number-in-file") from None
     return np.array([gear[name] for name in names])
 
 

@@ -13,10 +13,8 @@ def builder(module: str, page: str) -> ModuleType:
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        raise MissingDependencyError(
-            f"a {page} needs matplotlib and jinja2 ({error}); install them with: {how_to_install('report')}",
-            id="package-missing",
-        ) from None
+        why = f"a {page} needs matplotlib and jinja2 ({error}); install them with: {how_to_install('report')}"
+        raise MissingDependencyError(why, id="package-missing") from None
 
 
 def require_pages(page: str) -> None:

@@ -108,10 +108,8 @@ def _joint_to_joint(next_origin: Array) -> tuple[Vector3, Vector3]:
 def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) -> ImportedLink:
     """Make a rigid link flexible; without `line`, its beam ends at the origin of the next joint in its frame [m]."""
     if not part.body.mass:
-        raise ArgumentError(
-            f"flexible: link {truncated(part.link)}: has no mass; give it an <inertial>, or bend another link",
-            id="no-mass",
-        )
+        why = f"flexible: link {truncated(part.link)}: has no mass; give it an <inertial>, or bend another link"
+        raise ArgumentError(why, id="no-mass")
     ends = flexible.line or _joint_to_joint(next_origin)
     line = line_of(ends, flexible.up, part.joint.axis)
     outer = line.length / 10

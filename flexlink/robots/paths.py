@@ -113,9 +113,8 @@ def paths(
     span = f"beyond {base!r}" if tips is None else f"between {base!r} and {short_list([repr(name) for name in tips])}"
     for name in locked:
         if robot.joints[name] not in way:
-            raise ArgumentError(
-                f"locked: joint {truncated(name)} is not {span}; put it into posture", id="unknown-joint"
-            )
+            why = f"locked: joint {truncated(name)} is not {span}; put it into posture"
+            raise ArgumentError(why, id="unknown-joint")
     loose = [joint for joint in way if joint.moves and joint.name not in locked and joint.name not in still]
     for joint in loose:
         if joint.mimic is None or tips is not None:
@@ -158,10 +157,8 @@ def _way(robot: Robot, base: str, tips: Sequence[str] | None) -> list[TreeJoint]
     for tip in tips:
         path = robot.path(base, tip)
         if path is None:
-            raise ArgumentError(
-                f"tip = {truncated(tip)}: not reached outward from base = {truncated(base)}; choose a link beyond it",
-                id="unknown-link",
-            )
+            why = f"tip = {truncated(tip)}: not reached outward from base = {truncated(base)}; choose a link beyond it"
+            raise ArgumentError(why, id="unknown-link")
         wanted |= {joint.name: None for joint in path}
     if len(tips) == 1:
         return [robot.joints[name] for name in wanted]

@@ -76,9 +76,8 @@ def _robot(root: ET.Element) -> Robot:
         remedy = f"this is {other}, which `flexlink compare SCENE --file` reads; import needs URDF" if other else what
         raise DataFileError(f"<{truncated(root.tag)[1:-1]}>: {remedy}", id="unknown-root-element")
     if root.find(".//flexlink") is not None:
-        raise DataFileError(
-            "<flexlink>: this file was exported by flexlink; load its scene instead", id="exported-by-flexlink"
-        )
+        why = "<flexlink>: this file was exported by flexlink; load its scene instead"
+        raise DataFileError(why, id="exported-by-flexlink")
     longest, most_links = 10_000, 5_000  # most characters of an attribute; most links (a humanoid has 130)
     spaces = [key for key, space in root.attrib.items() if key.startswith("xmlns:") and "xacro" in space]
     macros = ("xacro:", *(f"{space.removeprefix('xmlns:')}:" for space in spaces))
@@ -86,10 +85,8 @@ def _robot(root: ET.Element) -> Robot:
         if element.tag.startswith(macros):
             raise DataFileError(f"<xacro:{truncated(element.tag.partition(':')[2])[1:-1]}>: a macro", id="xacro")
         if any(len(value) > longest for value in element.attrib.values()):
-            raise DataFileError(
-                f"<{truncated(element.tag)[1:-1]}>: has an attribute of more than {longest} characters",
-                id="file-too-large",
-            )
+            why = f"<{truncated(element.tag)[1:-1]}>: has an attribute of more than {longest} characters"
+            raise DataFileError(why, id="file-too-large")
     elements = root.findall("link")
     if len(elements) > most_links:
         raise DataFileError(f"{len(elements)} links; at most {most_links} are read", id="file-too-large")
@@ -249,10 +246,8 @@ def _joint(element: ET.Element, name: str) -> TreeJoint:
 def _kind(element: ET.Element, about: str) -> JointKind:
     kind, kinds = _text(element, "type", about), get_args(JointKind)
     if kind not in kinds:
-        raise DataFileError(
-            f"{about}: type = {truncated(kind)}: allowed are {', '.join(kinds)}{did_you_mean(kind, kinds)}",
-            id="joint-type-in-file",
-        )
+        why = f"{about}: type = {truncated(kind)}: allowed are {', '.join(kinds)}{did_you_mean(kind, kinds)}"
+        raise DataFileError(why, id="joint-type-in-file")
     return cast(JointKind, kind)
 
 

@@ -78,9 +78,8 @@ def building() -> ModuleType:
 def _beside(against: str | Path) -> Path:
     path, arms = require_path("against", against), (".urdf", ".xml", ".mjcf", ".sdf")
     if path.suffix.lower() not in (*arms, MEASURED):
-        raise ArgumentError(
-            f"against = {str(path)!r}: expected {', '.join(arms)}, or {MEASURED} of measurements", id="wrong-type"
-        )
+        why = f"against = {str(path)!r}: expected {', '.join(arms)}, or {MEASURED} of measurements"
+        raise ArgumentError(why, id="wrong-type")
     if not path.is_file():
         raise ArgumentError(f"against = {str(path)!r}: there is no such file", id="no-such-file")
     return path

@@ -66,9 +66,8 @@ class SweepOutput(Spec, frozen=True):
                             ("target", self.target), ("tolerance", self.tolerance)):  # fmt: skip
             if value is not None and name not in known:
                 allowed = ", ".join(sorted(known)) or "no options"
-                raise SceneError(
-                    f"{name} = {truncated(value)}: quantity {self.of!r} takes {allowed}", id="key-of-another-kind"
-                )
+                why = f"{name} = {truncated(value)}: quantity {self.of!r} takes {allowed}"
+                raise SceneError(why, id="key-of-another-kind")
         if "tolerance" in known and self.tolerance is None:
             raise SceneError(f"tolerance: missing; quantity {self.of!r} needs one [m]", id="missing-key")
 
@@ -115,10 +114,8 @@ def column_of(run: Trajectory, name: str) -> Array:
     columns = run.columns
     if name not in columns:
         known = [*columns, DEFLECTION, *MEASURES]
-        raise ArgumentError(
-            f"of = {truncated(name)}: no such quantity; allowed are {short_list(known)}{did_you_mean(name, known)}",
-            id="unknown-quantity",
-        )
+        why = f"of = {truncated(name)}: no such quantity; allowed are {short_list(known)}{did_you_mean(name, known)}"
+        raise ArgumentError(why, id="unknown-quantity")
     return columns[name]
 
 

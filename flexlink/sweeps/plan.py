@@ -217,9 +217,8 @@ class Plan:
         columns = Counter(name.casefold() for name in (*ROW_COLUMNS, *keys, *outputs))
         for name in (*keys, *outputs):
             if columns[name.casefold()] > 1:
-                raise SceneError(
-                    f"{name}: two columns would have this name (case is ignored); rename one", id="column-twice"
-                )
+                why = f"{name}: two columns would have this name (case is ignored); rename one"
+                raise SceneError(why, id="column-twice")
             if not name or not name.isprintable():
                 raise SceneError(f"{truncated(name)}: is not a column name; use printable characters", id="column-name")
         if self.members > MAX_MEMBERS:

@@ -77,10 +77,8 @@ class Store:
         stored = run("SELECT value FROM about WHERE name = 'identity'").fetchone()[0]
         changed = differences(json.loads(stored), json.loads(identity))
         if changed:
-            raise ArgumentError(
-                f"{self.path}: has rows of another sweep: {changed}; use another file, or start again (--fresh)",
-                id="rows-of-another-sweep",
-            )
+            why = f"{self.path}: has rows of another sweep: {changed}; use another file, or start again (--fresh)"
+            raise ArgumentError(why, id="rows-of-another-sweep")
         self._check_rows(names)
 
     def _check_rows(self, names: tuple[str, ...]) -> None:

@@ -105,9 +105,8 @@ def pool_of(executor: Executor | Callable[[], Executor] | None, workers: int, da
     elif callable(executor):
         yield from _own(WorkerPool(executor, TASKS_PER_WORKER * (os.cpu_count() or 1), again=True))
     elif executor is not None:
-        raise ArgumentError(
-            f"executor = {truncated(executor)}: expected a concurrent.futures.Executor or a function", id="wrong-type"
-        )
+        why = f"executor = {truncated(executor)}: expected a concurrent.futures.Executor or a function"
+        raise ArgumentError(why, id="wrong-type")
     elif dask is not None:
         yield from _on_cluster(dask)
     elif workers > 1:
@@ -134,9 +133,8 @@ def _on_cluster(address: str) -> Iterator[WorkerPool]:
         try:
             client.wait_for_workers(1, timeout=DASK_TIMEOUT)
         except TimeoutError:
-            raise EngineError(
-                f"{address}: the scheduler has no workers; start some with: dask worker {address}", id="no-scheduler"
-            ) from None
+            why = f"{address}: the scheduler has no workers; start some with: dask worker {address}"
+            raise EngineError(why, id="no-scheduler") from None
         yield WorkerPool(client.get_executor, TASKS_PER_WORKER * max(4, sum(client.nthreads().values())))
 
 
