@@ -91,8 +91,7 @@ def advise(
     return Advisor(scene, goal, positive("budget", budget), measure).advice()
 
 
-Measure = Literal["simulation", "explicit", "control"]
-"""What advice minimises."""
+Measure = Literal["simulation", "explicit", "control"]  # what advice minimises
 
 
 class Advisor:

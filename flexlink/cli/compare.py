@@ -20,8 +20,7 @@ from flexlink.describe.scene import Scene
 from flexlink.diagnosis.comparison import Comparison, compare
 from flexlink.diagnosis.trajectories import TrajectoryComparison, compare_trajectories, in_fixed_steps
 
-MANY_STEPS = 50_000
-"""Number of steps for which other engines take a few seconds."""
+MANY_STEPS = 50_000  # number of steps for which other engines take a few seconds
 
 
 def add_options(command: argparse.ArgumentParser) -> None:

@@ -17,8 +17,7 @@ import flexlink as fl
 
 KINDS = "tree", "space", "plane", "cells", "free"
 """Names of the scenes in `data/`, in order of decreasing compile time."""
-BY_MODES = "space", "plane"
-"""Scenes whose links are also described by modes of bending."""
+BY_MODES = "space", "plane"  # scenes whose links are also described by modes of bending
 
 
 def scene_of(name: str) -> fl.Scene:

@@ -13,8 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-ALSO = "; also "
-"""Separator between two mistakes in one message."""
+ALSO = "; also "  # separator between two mistakes in one message
 
 
 class Diagnostic(str):

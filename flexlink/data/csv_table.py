@@ -29,8 +29,7 @@ UNITS = {
 }  # fmt: skip
 """Units allowed in headers, with their SI unit and conversion factor. Units of angle and length may be followed by "/s"
 and "/s²"."""
-PER = {"": "", "/s": "/s", "/s²": "/s²", "/s^2": "/s²"}
-"""Suffixes that may follow a unit, and their SI form."""
+PER = {"": "", "/s": "/s", "/s²": "/s²", "/s^2": "/s²"}  # suffixes that may follow a unit, and their SI form
 
 
 class CsvTable(NamedTuple):

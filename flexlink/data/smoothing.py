@@ -22,8 +22,7 @@ import numpy as np
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 
-AUTO = "auto"
-"""Instead of a cutoff: the cutoff with the least generalized cross-validation."""
+AUTO = "auto"  # instead of a cutoff: the cutoff with the least generalized cross-validation
 
 
 def best_cutoff(t: Array, y: Array) -> float:

@@ -19,10 +19,8 @@ from flexlink.diagnosis.patterns import Discrepancy, any_difference, fewer_digit
 from flexlink.engines.actuators import limits
 from flexlink.engines.read_back import ACTUATOR_FIELDS, AXIS_FIELDS, BODY_FIELDS, COUPLED_FIELDS, JOINT_FIELDS, ReadBack
 
-EXACT = 1e-12
-"""Relative tolerance for copied numbers."""
-PLACED = 1e-11
-"""Relative tolerance for numbers that are rotated into frame 0 joint by joint."""
+EXACT = 1e-12  # relative tolerance for copied numbers
+PLACED = 1e-11  # relative tolerance for numbers that are rotated into frame 0 joint by joint
 
 
 @dataclasses.dataclass(frozen=True)
@@ -319,8 +317,7 @@ def _of_joints(field: str, diff: Discrepancy) -> Field:
     return words
 
 
-LOST = 1e-4
-"""Largest relative difference that counts as lost digits if other numbers differ by more."""
+LOST = 1e-4  # largest relative difference that counts as lost digits if other numbers differ by more
 
 
 def lost_digits(differing: Mapping[str, Discrepancy]) -> dict[str, Discrepancy]:

@@ -31,8 +31,7 @@ SOLVERS: dict[ForwardSolver, solvers.Solver] = {
 }  # fmt: skip
 
 
-PITCH = BASE_AXES.index(1)
-"""Index of the free base's rotation about Y among the coordinates."""
+PITCH = BASE_AXES.index(1)  # index of the free base's rotation about Y among the coordinates
 
 
 def forward_dynamics(

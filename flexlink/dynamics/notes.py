@@ -155,8 +155,7 @@ def _unused(scene: Scene) -> Iterator[Diagnostic]:
             yield Diagnostic(f"{key}; {why}", "no-effect")
 
 
-Unused = Iterator[tuple[str, str]]
-"""What has no effect, and why."""
+Unused = Iterator[tuple[str, str]]  # what has no effect, and why
 
 
 def _unused_drive(scene: Scene) -> Unused:
@@ -251,10 +250,8 @@ def _idle(link: Link) -> Iterator[tuple[str, object, str]]:
                 yield f"joint.{key}", value, f"the joint of {link.name!r} is locked"
 
 
-VISIBLE_DROP = 1e-4
-"""Smallest drop of the tip that is reported, relative to the size of the arm."""
-MAX_JOINTS = 300
-"""Number of joints above which eigenvalues take seconds and stability is not checked."""
+VISIBLE_DROP = 1e-4  # smallest drop of the tip that is reported, relative to the size of the arm
+MAX_JOINTS = 300  # number of joints above which eigenvalues take seconds and stability is not checked
 BALANCED = 2e-3
 """Gravity torque below which a joint hardly moves, relative to the largest torque that the arm's weight can exert."""
 

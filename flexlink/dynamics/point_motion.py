@@ -27,8 +27,7 @@ from flexlink.dynamics.result import Result
 from flexlink.kernels.geometry.kinematics import forward_kinematics
 from flexlink.kernels.tools.finite import is_finite
 
-BATCH = 1000
-"""Number of states processed at once, which takes a few MB."""
+BATCH = 1000  # number of states processed at once, which takes a few MB
 
 
 class BodyMotion(NamedTuple):

@@ -54,8 +54,7 @@ from flexlink.kernels.forces.rotation_springs import stretches
 from flexlink.kernels.geometry.kinematics import arm_length, forward_kinematics
 
 EPS = float(np.finfo(np.float64).eps)
-ROUNDINGS = 10
-"""Number of roundings at one hinge."""
+ROUNDINGS = 10  # number of roundings at one hinge
 
 
 def of_mass_matrix(chain: Chain, q: ArrayLike) -> float:

@@ -17,8 +17,7 @@ from flexlink.kernels.derivatives.small_motion_cells import cells_workspace
 from flexlink.kernels.derivatives.small_motion_factors import factor, solve
 from flexlink.kernels.forces.elements import POTENTIALS
 
-K_ALONE, C_ALONE, M_ALONE = np.eye(3)
-"""Weights that select one matrix in the weighted sum of K, C and M."""
+K_ALONE, C_ALONE, M_ALONE = np.eye(3)  # weights that select one matrix in the weighted sum of K, C and M
 
 SMALLEST = 1e-8
 """Smallest pivot, relative to the terms of its row, that is eliminated; it leaves half of all digits correct."""

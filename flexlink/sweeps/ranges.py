@@ -236,11 +236,9 @@ def _check_ends(between: tuple[float, float], spacing: Spacing) -> None:
 # a Latin hypercube depend on each other.
 
 
-BLOCK = 1024
-"""Number of points to compute together; a power of two preserves the balance of Sobol's sequence."""
+BLOCK = 1024  # number of points to compute together; a power of two preserves the balance of Sobol's sequence
 
-DIGITS = 30
-"""Number of binary digits of Sobol's points."""
+DIGITS = 30  # number of binary digits of Sobol's points
 
 _halton_moves = Lock()
 

@@ -25,11 +25,9 @@ from flexlink.common.errors import ArgumentError, OutputError
 from flexlink.sweeps.plan import ROW_COLUMNS, Fingerprint, Plan, differences
 from flexlink.sweeps.worker import Row
 
-APPLICATION_ID = 0x666C7877
-"""SQLite application id of sweep databases, "flxw"; other databases are not touched."""
+APPLICATION_ID = 0x666C7877  # SQLite application id of sweep databases, "flxw"; other databases are not touched
 
-LOCK_TIMEOUT = 1.0
-"""Longest wait for a commit by another process [s]; a commit takes milliseconds."""
+LOCK_TIMEOUT = 1.0  # longest wait for a commit by another process [s]; a commit takes milliseconds
 
 
 class Store:

@@ -15,14 +15,12 @@ from typing import Any
 from flexlink.common.errors import ArgumentError, EngineError, imported
 from flexlink.common.wording import truncated
 
-TASKS_PER_WORKER = 2
-"""Number of queued tasks per worker: one that runs, and one that is ready."""
+TASKS_PER_WORKER = 2  # number of queued tasks per worker: one that runs, and one that is ready
 
 MAX_WORKERS = 1024
 """Largest number of processes; no machine has more cores, and this number needs a few hundred gigabytes of memory."""
 
-DASK_TIMEOUT = 10
-"""Longest wait for an answer of the scheduler and for its first worker [s]."""
+DASK_TIMEOUT = 10  # longest wait for an answer of the scheduler and for its first worker [s]
 
 
 class InThread(Executor):

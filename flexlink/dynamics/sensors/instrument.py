@@ -174,10 +174,8 @@ def coarse_samples(scene: Scene, run: Samples) -> Iterator[Diagnostic]:
             )
 
 
-BLOCK = 256
-"""Number of noise values generated at once."""
-HALVINGS = 30
-"""Halvings of a second; a walk is linear in the intervals of 1 ns that result."""
+BLOCK = 256  # number of noise values generated at once
+HALVINGS = 30  # halvings of a second; a walk is linear in the intervals of 1 ns that result
 
 
 def noise(key: str, instants: Array) -> Array:

@@ -178,8 +178,7 @@ def _by_shapes(model: LinearModel, chain: Chain, q: Array) -> LinearModel:
     )  # fmt: skip
 
 
-TIP_FORCE = tuple(f"tip force {axis} [N]" for axis in "xyz")
-"""Names of the inputs for a force on the tip."""
+TIP_FORCE = tuple(f"tip force {axis} [N]" for axis in "xyz")  # names of the inputs for a force on the tip
 
 
 def _without(model: LinearModel, angles: NDArray[np.intp]) -> LinearModel:

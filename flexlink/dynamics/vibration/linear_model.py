@@ -20,8 +20,7 @@ from flexlink.dynamics.placement import jacobian, tip_position
 from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.vibration.derived_models import balanced_part, delay_in, discrete, slow_part
 
-FILTER = "filter "
-"""Prefix in the names of filter states."""
+FILTER = "filter "  # prefix in the names of filter states
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)

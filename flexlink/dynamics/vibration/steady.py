@@ -221,5 +221,4 @@ def first_elastic_frequency(
     return modes_at_rest(chain, rest, tip_wrench=tip_wrench, frame=frame).first_elastic_hertz
 
 
-FEW = 8
-"""Number of modes computed first; for a long chain this is much cheaper than computing all of them."""
+FEW = 8  # number of modes computed first; for a long chain this is much cheaper than computing all of them
