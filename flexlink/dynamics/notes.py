@@ -192,10 +192,8 @@ def _tip_without_length(scene: Scene) -> Iterator[Diagnostic]:
     others = ", ".join(repr(arm.links[number - 1].name) for number in arm.tips[:-1])
     where = f"at {last.name!r}, the last link, which has zero length; other tips: {others}"
     if arm.tip.mass or any(arm.tip.inertia):
-        yield Diagnostic(
-            f"tip: the payload is {where}; move it to the end of another link, or list that link last",
-            "tip-without-length",
-        )
+        text = f"tip: the payload is {where}; move it to the end of another link, or list that link last"
+        yield Diagnostic(text, "tip-without-length")
     if scene.wrench.acts and not scene.wrench.on:
         yield Diagnostic(f"wrench: acts {where}; set wrench.on to choose another", "tip-without-length")
 
@@ -203,10 +201,8 @@ def _tip_without_length(scene: Scene) -> Iterator[Diagnostic]:
 def _falling_base(scene: Scene) -> Iterator[Diagnostic]:
     """A free base falls under the default gravity, which is easily forgotten for an arm in orbit."""
     if scene.arm.base.free and any(scene.gravity) and not scene.wrench.acts:
-        yield Diagnostic(
-            f"gravity = {list(scene.gravity)}: the free base is unsupported and falls; for an orbit set [0, 0, 0]",
-            "base-falls",
-        )
+        text = f"gravity = {list(scene.gravity)}: the free base is unsupported and falls; for an orbit set [0, 0, 0]"
+        yield Diagnostic(text, "base-falls")
 
 
 def _few_hinges(scene: Scene) -> Iterator[Diagnostic]:
@@ -358,10 +354,8 @@ def balance(scene: Scene) -> Iterator[Diagnostic]:
         K = stiffness_matrix(chain, q, np.zeros(chain.n), np.zeros(6))
         unstable = bool(np.isfinite(K).all() and np.linalg.eigvalsh(K)[0] < 0)
     how = "in unstable equilibrium and hardly moves for a long time" if unstable else "in equilibrium and stays there"
-    yield Diagnostic(
-        f"initial.joint_deg = {list(initial.joint_deg)}: the arm starts {how}; change the angles, or apply a load",
-        "unstable-equilibrium" if unstable else "equilibrium",
-    )
+    text = f"initial.joint_deg = {list(initial.joint_deg)}: the arm starts {how}; change the angles, or apply a load"
+    yield Diagnostic(text, "unstable-equilibrium" if unstable else "equilibrium")
 
 
 def _angles(scene: Scene, chain: Chain) -> Array:

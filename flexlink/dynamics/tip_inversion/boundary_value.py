@@ -160,9 +160,5 @@ def transmission_zeros(chain: Chain, q: Array, wrench: Array) -> tuple[Complex, 
     one, none = np.eye(m), np.zeros((m, m))
     left, right = np.block([[none, one], [-G, -F]]), np.block([[one, none], [none, E]])
     both = [scipy.linalg.eigvals(left, right), np.sqrt(scipy.linalg.eigvals(-G, E).astype(complex))]
-    damped, undamped = (each[np.isfinite(each)] for each in both)
-    return _slowest_first(damped), _slowest_first(undamped)
-
-
-def _slowest_first(zeros: Complex) -> Complex:
-    return np.asarray(zeros[np.argsort(np.abs(zeros), kind="stable")])
+    damped, undamped = (np.array(sorted(each[np.isfinite(each)], key=abs), dtype=complex) for each in both)
+    return damped, undamped
