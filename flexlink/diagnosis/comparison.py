@@ -73,14 +73,9 @@ class Comparison:
 
 
 def compare(
-    scene: Scene,
-    *,
-    engines: Sequence[str] | None = None,
-    file: str | Path | None = None,
-    samples: int = 200,
-    seed: int = 0,
-    progress: Callable[[float], None] | None = None,
-) -> Comparison:
+    scene: Scene, *, engines: Sequence[str] | None = None, file: str | Path | None = None, samples: int = 200,
+    seed: int = 0, progress: Callable[[float], None] | None = None,
+) -> Comparison:  # fmt: skip
     """Compare engines, which load the exported arm or a foreign file, with the native dynamics at many states.
 
     Half of the states are random, a quarter balanced, a quarter stretched out (`mixed_states`). For a file, the

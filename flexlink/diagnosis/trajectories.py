@@ -99,12 +99,9 @@ class TrajectoryComparison:
 
 
 def compare_trajectories(
-    scene: Scene,
-    *,
-    engines: Sequence[str] | None = None,
-    duration: float | None = None,
+    scene: Scene, *, engines: Sequence[str] | None = None, duration: float | None = None,
     progress: Callable[[float], None] | None = None,
-) -> TrajectoryComparison:
+) -> TrajectoryComparison:  # fmt: skip
     """Simulate a scene with all its loads and motions in several engines, and compare them with flexlink.
 
     All engines take the same steps: the scene's steps if they are fixed steps of an explicit method, otherwise stable

@@ -107,8 +107,9 @@ def internal_loads(
     """
     if is_batch(q, qd, qdd):
         return each(internal_loads, chain, {"q": q, "qd": qd, "qdd": qdd}, tip_wrench=tip_wrench, frame=frame)
-    n = require_type("chain", chain, Chain).n
-    q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
+    size = require_type("chain", chain, Chain).n
+    given = zip(("q", "qd", "qdd"), (q, qd, qdd), strict=True)
+    q, qd, qdd = (vector(name, part, size, many=True) for name, part in given)
     wrench = world_wrench(chain, q, tip_wrench, frame)
     bodies = chain.bodies
     R, p, axes, _, ω, a, α, _ = body_motion(chain, q, qd, qdd)

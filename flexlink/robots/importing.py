@@ -81,17 +81,11 @@ class ImportResult:
 
 
 def import_urdf(
-    path: str | Path | Robot,
-    *,
-    base: str | None = None,
-    tip: str | Sequence[str] | None = None,
-    free_base: bool = False,
-    posture: Mapping[str, float] = NOTHING,
-    locked: Mapping[str, float] = NOTHING,
-    flexible: Mapping[str, FlexibleLink] = NOTHING,
-    armature: Mapping[str, float] = NOTHING,
+    path: str | Path | Robot, *, base: str | None = None, tip: str | Sequence[str] | None = None,
+    free_base: bool = False, posture: Mapping[str, float] = NOTHING, locked: Mapping[str, float] = NOTHING,
+    flexible: Mapping[str, FlexibleLink] = NOTHING, armature: Mapping[str, float] = NOTHING,
     gravity: Vector3 = (0.0, 0.0, -9.81),
-) -> ImportResult:
+) -> ImportResult:  # fmt: skip
     """Convert a URDF file to a scene, with the complete robot or only the paths to some of its links.
 
     All hinges and sliding joints become joints of the scene, each after its parent, path by path in the file's

@@ -16,13 +16,9 @@ from flexlink.scene_report.study import MEASURED, Study
 
 
 def report(
-    scene: Scene,
-    folder: str | Path,
-    *,
-    against: str | Path | None = None,
-    command: str = "",
+    scene: Scene, folder: str | Path, *, against: str | Path | None = None, command: str = "",
     progress: Callable[[str], None] | None = None,
-) -> Report:
+) -> Report:  # fmt: skip
     """Write a report on a scene: the model, agreement of engines, accuracy, cost and results.
 
     The page works offline and on a phone. Each table is also a CSV file; each picture is also a PNG, SVG and CSV file.

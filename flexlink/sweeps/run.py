@@ -26,15 +26,10 @@ from flexlink.sweeps.workers import MAX_WORKERS, pool_of
 
 
 def sweep(
-    what: Sweep | str | Path,
-    *,
-    out: str | Path | None = None,
-    executor: Executor | Callable[[], Executor] | None = None,
-    workers: int = 1,
-    dask: str | None = None,
-    fresh: bool = False,
-    progress: Callable[[float], None] | None = None,
-) -> SweepRows:
+    what: Sweep | str | Path, *, out: str | Path | None = None,
+    executor: Executor | Callable[[], Executor] | None = None, workers: int = 1, dask: str | None = None,
+    fresh: bool = False, progress: Callable[[float], None] | None = None,
+) -> SweepRows:  # fmt: skip
     """Run every member of a sweep; each gives one row of outputs.
 
     Members with the same structure run eight at a time, side by side. A member that is refused, diverges, or crashes
@@ -101,12 +96,9 @@ def sweep(
 
 
 def fill(
-    store: Store,
-    executor: Executor | Callable[[], Executor] | None,
-    workers: int,
-    dask: str | None,
+    store: Store, executor: Executor | Callable[[], Executor] | None, workers: int, dask: str | None,
     progress: Callable[[float], None],
-) -> None:
+) -> None:  # fmt: skip
     """Run the members that have no row."""
     plan, done = store.plan, store.count()
     if done == plan.members:
