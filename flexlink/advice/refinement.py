@@ -174,7 +174,8 @@ class RefinementStudy:
                 itself = np.maximum(itself, self._itself[family] * (Na / Nb) ** (order + Thresholds.limit_fall / 2))
         limits.append(limit)
         self._itself[family] = itself
-        return min(limit, Limit(b, itself), key=self._rank)
+        # the fewest samples beyond the tolerance, then the smallest error at the end
+        return min(limit, Limit(b, itself), key=lambda one: (int((one.errors > self.tolerance).sum()), one.error))
 
     def _order(self, family: str, levels: Sequence[tuple[int, Array]]) -> float:
         """Order of the errors that fits the changes between three levels; with two levels, the family's higher order.
@@ -188,10 +189,6 @@ class RefinementStudy:
         (Na, a), (Nb, b), (Nc, c) = levels
         ratios = [(Na**-p - Nb**-p) / (Nb**-p - Nc**-p) for p in (low, high)]
         return high if self.norm(b - a) >= math.sqrt(math.prod(ratios)) * self.norm(c - b) else low
-
-    def _rank(self, limit: Limit) -> tuple[int, float]:
-        """Sort key: number of samples beyond the tolerance, then the error at the end."""
-        return int((limit.errors > self.tolerance).sum()), limit.error
 
     def _compare_rules(self, hinges: int) -> None:
         """Switch to another family if a similar number of hinges then gives less than half the error.

@@ -167,7 +167,12 @@ def run_comparison(options: argparse.Namespace) -> int:
     short, bar = [path.stem for path in options.problem], Progress("fit")
     names = short if len(set(short)) == len(short) else [str(path) for path in options.problem]
     try:
-        found = _compared(problems, names, options, bar)
+        if len(problems) > 1:
+            found = compare_fits(problems, names, by_folds=options.folds, grid=options.grid, progress=bar.report)
+        else:
+            with prefix_errors(options.problem[0]):
+                one = fit(problems[0], starts=options.starts, grid=options.grid, progress=bar.report)
+                found = FitComparison(tuple(names), (one,), (folds(problems[0], progress=bar.report),))
     finally:
         bar.clear()
     if options.out is not None:
@@ -184,16 +189,6 @@ def run_comparison(options: argparse.Namespace) -> int:
     for name, one in zip(found.names, found.fits, strict=True):
         print_lines("warning", [Diagnostic(f"{name}: {warning}", warning.id) for warning in one.warnings])
     return 0 if found.fits[found.names.index(found.preferred)].passed else 1
-
-
-def _compared(
-    problems: list[FitProblem], names: list[str], options: argparse.Namespace, bar: Progress
-) -> FitComparison:
-    if len(problems) > 1:
-        return compare_fits(problems, names, by_folds=options.folds, grid=options.grid, progress=bar.report)
-    with prefix_errors(options.problem[0]):
-        one = fit(problems[0], starts=options.starts, grid=options.grid, progress=bar.report)
-        return FitComparison(tuple(names), (one,), (folds(problems[0], progress=bar.report),))
 
 
 def _problem(path: Path, options: argparse.Namespace) -> FitProblem:

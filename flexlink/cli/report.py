@@ -13,8 +13,8 @@ from pathlib import Path
 
 import flexlink as fl
 from flexlink.cli.shared import command_line, prefix_errors, print_path, varied_scene
+from flexlink.common.notebook import builder
 from flexlink.common.output import make_folder
-from flexlink.pages.builders import require_pages
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -32,7 +32,8 @@ def add_options(command: argparse.ArgumentParser) -> None:
 def run_command(options: argparse.Namespace) -> int:
     """Write the report, and print a line to stderr after each chapter; exit with 1 if a verdict is negative."""
     scene = varied_scene(options.scene, options)
-    require_pages("report")
+    for module in ("page", "picture"):  # before the work starts
+        builder(f"flexlink.pages.{module}", "report")
     make_folder(options.out)
     with prefix_errors(options.scene):
         page = fl.report(

@@ -197,7 +197,9 @@ def _displaced(displacement: Displacement, L: float) -> str:
 
 def _differing(ours: ReadBack, theirs: ReadBack) -> dict[str, Discrepancy]:
     """Fields that differ, with the entries that differ."""
-    between = _between(ours, theirs)
+    # joints i < j, shape (m, 2), with a spring or damper between them in one of the records, by field
+    found = {f: np.argwhere(np.triu((getattr(ours, f) != 0) | (getattr(theirs, f) != 0), 1)) for f in COUPLED_FIELDS}
+    between = {field: rows for field, rows in found.items() if len(rows)}
     pairs = {
         field: (_values(ours, field, ours), _values(theirs, field, ours))
         for field in table().fields
@@ -235,12 +237,6 @@ def _differing(ours: ReadBack, theirs: ReadBack) -> dict[str, Discrepancy]:
         for field, (a, b) in ((field, pairs[field]) for field in table().fields if field in pairs)
         if (mask := bad[field]).any()
     }
-
-
-def _between(ours: ReadBack, theirs: ReadBack) -> dict[str, Indices]:
-    """Joints i < j, shape (m, 2), with a spring or damper between them in one of the records, by field."""
-    found = {f: np.argwhere(np.triu((getattr(ours, f) != 0) | (getattr(theirs, f) != 0), 1)) for f in COUPLED_FIELDS}
-    return {field: rows for field, rows in found.items() if len(rows)}
 
 
 def _values(read: ReadBack, field: str, ours: ReadBack) -> Array:

@@ -73,11 +73,12 @@ def read(model: Any, spec: Any = None, reference: Array | None = None) -> ReadBa
     if model.nuser_jnt:
         moving = model.jnt_type[joints] != mujoco.mjtJoint.mjJNT_FREE
         widths[moving] = model.jnt_user[joints[moving], 0]
+    k, parents = np.arange(model.nv), behind[model.body_parentid[model.dof_bodyid]]
+    parents = np.where(k == model.body_dofadr[model.dof_bodyid], parents, k - 1)
     base = BASE_JOINTS if floats(model) else ()
     names = (*base, *(_name(model, "joint", k) for k in range(floats(model), model.njnt)))
     return ReadBack(
-        names, _parents(model, behind),
-        axes, points, frames, **bodies, slides=slides, **at_joints(model),
+        names, parents, axes, points, frames, **bodies, slides=slides, **at_joints(model),
         **springs, coulomb=model.dof_frictionloss.copy(), coulomb_width=widths, armature=model.dof_armature + armature,
         gravity=float(_on(model, "GRAVITY")) * model.opt.gravity,
         tip=_tip(model, data), unspecified=frozenset() if model.nuser_jnt else frozenset({"coulomb_width"}),
@@ -116,13 +117,6 @@ def _behind(model: Any) -> Indices:
         own = model.body_dofnum[b]
         last[b] = model.body_dofadr[b] + own - 1 if own else last[model.body_parentid[b]]
     return last
-
-
-def _parents(model: Any, behind: Indices) -> Indices:
-    first = model.body_dofadr[model.dof_bodyid]
-    parents = behind[model.body_parentid[model.dof_bodyid]]
-    k = np.arange(model.nv)
-    return np.where(k == first, parents, k - 1)
 
 
 def _tip(model: Any, data: Any) -> Array | None:

@@ -8,9 +8,9 @@ from types import ModuleType
 
 from flexlink.chain.arguments import require_callable, require_type
 from flexlink.common.errors import ArgumentError
+from flexlink.common.notebook import builder
 from flexlink.data.documents import require_path
 from flexlink.describe.scene import Scene
-from flexlink.pages.builders import builder
 from flexlink.pages.verdict import Report
 from flexlink.scene_report.study import MEASURED, Study
 

@@ -17,7 +17,6 @@ from flexlink.results.pictures.colouring import colouring
 from flexlink.results.pictures.film import placed
 from flexlink.results.pictures.outline import has_rectangle_instead, outline_of
 from flexlink.results.samples import RunSamples, picked
-from flexlink.results.trajectory import Trajectory
 from flexlink.scene_report.study import Study
 
 
@@ -36,20 +35,15 @@ def made(study: Study) -> Part:
     if driven:
         for kind, joints in reversed([*chain.by_unit(driven)]):
             most = max(joints, key=lambda k: peaks[k])
-            peak = f"{number(float(peaks[most]))} {kind.torque} at {chain.joint_name(most)}"
-            sentences.insert(1, f"Largest drive {kind.load}: {peak}.")
-    facts = _stress(run)
+            largest = f"{number(float(peaks[most]))} {kind.torque} at {chain.joint_name(most)}"
+            sentences.insert(1, f"Largest drive {kind.load}: {largest}.")
+    peak, facts = peak_stress(run), tuple[Fact, ...]()
+    if peak is not None and peak.pascals != 0.0:
+        where = f"{peak.link}, {number(peak.along)} m from its root, at {number(peak.time)} s"
+        section = "; section treated as a rectangle" if peak.rectangle else ""
+        facts = (Fact(f"{number(1e-6 * peak.pascals)} MPa", f"Largest bending stress of the run ({where}{section})"),)
     sentences[1:1] = [f"{fact.label}: {fact.value}." for fact in facts]
     return Part(tuple(sentences), facts=facts, pictures=(_picture(study, driven),), tables=(_table(study),))
-
-
-def _stress(run: Trajectory) -> tuple[Fact, ...]:
-    peak = peak_stress(run)
-    if peak is None or peak.pascals == 0.0:
-        return ()
-    where = f"{peak.link}, {number(peak.along)} m from its root, at {number(peak.time)} s"
-    section = "; section treated as a rectangle" if peak.rectangle else ""
-    return (Fact(f"{number(1e-6 * peak.pascals)} MPa", f"Largest bending stress of the run ({where}{section})"),)
 
 
 def _place(study: Study, body: int) -> str:

@@ -43,19 +43,20 @@ def made(study: Study) -> Part | None:
         f"{number(float(comparison.t[0]))} to {number(float(comparison.t[-1]))} s"
     )
     first += f"; {comparison.left_out} outside the run are ignored." if comparison.left_out else "."
-    sentences = (first, _about_difference(study, comparison), *_about_fits(fits, best))
+    off, name = _worst(study, comparison)
+    size = float(np.nanmax(comparison.measured[name]) - np.nanmin(comparison.measured[name]))
+    share = f", {percent(off / size)} of the measured range" if size > 0 else ""
+    difference = f"RMS difference: {_with_unit(off, name)} in {_bare(name)}{share}."
+    sentences = (first, difference, *_about_fits(fits, best))
+    text = f"RMS difference in {_bare(name)}."
+    if best is not None:
+        text += f" Best explanation: {best.number.what} {_change(best)}."
+    verdict = Verdict("Measurements", "info", _with_unit(off, name), text)
     tables = [_columns(study, comparison, best)]
     if fits:
         tables.append(_numbers(fits))
     pictures = (_overlay(study, comparison, best), _difference(study, comparison, best))
-    return Part(tuple(filter(None, sentences)), (_verdict(study, comparison, best),), pictures, tuple(tables))
-
-
-def _about_difference(study: Study, comparison: Comparison) -> str:
-    off, name = _worst(study, comparison)
-    size = float(np.nanmax(comparison.measured[name]) - np.nanmin(comparison.measured[name]))
-    share = f", {percent(off / size)} of the measured range" if size > 0 else ""
-    return f"RMS difference: {_with_unit(off, name)} in {_bare(name)}{share}."
+    return Part(tuple(filter(None, sentences)), (verdict,), pictures, tuple(tables))
 
 
 def _about_fits(fits: Sequence[Fit], best: Fit | None) -> list[str]:
@@ -106,14 +107,6 @@ def _bare(name: str) -> str:
 def _with_unit(value: float, name: str) -> str:
     unit = name.rpartition(" [")[2].rstrip("]")
     return f"{number(1e3 * value)} mm" if unit == "m" and value < 0.1 else f"{number(value)} {unit}"
-
-
-def _verdict(study: Study, comparison: Comparison, best: Fit | None) -> Verdict:
-    off, name = _worst(study, comparison)
-    text = f"RMS difference in {_bare(name)}."
-    if best is not None:
-        text += f" Best explanation: {best.number.what} {_change(best)}."
-    return Verdict("Measurements", "info", _with_unit(off, name), text)
 
 
 def _columns(study: Study, comparison: Comparison, best: Fit | None) -> Table:
