@@ -226,9 +226,8 @@ class Advisor:
         hinges = refinement.finest.hinges
         lines = [line("cannot", f"error {length(error)} with {hinges} hinges per link: {self.goal} is not met{why}")]
         if known_to <= tolerance:
-            lines.append(
-                line("limit", f"the extrapolated path of the tip is known within {length(known_to)}; see converged_tip")
-            )
+            path = f"the extrapolated path of the tip is known within {length(known_to)}; see converged_tip"
+            lines.append(line("limit", path))
         if growth > Thresholds.sensitive_growth:
             fold = f" (by e every {e_fold:.3g} s)" if np.isfinite(e_fold) else ""
             lines.append(line("sensitive", f"initial errors grow by a factor of {growth:.2g}{fold}"))

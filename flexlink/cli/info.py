@@ -102,9 +102,8 @@ def _show(about: Mapping[str, Any]) -> None:
     print(f"{about['scene']}: {about['about']}" if about["about"] else about["scene"])
     freedoms = about["degrees_of_freedom"]
     stations = f" ({plural(len(joints), 'hinge')} move by strain modes)" if freedoms < len(joints) else ""
-    print(
-        f"{plural(freedoms, 'degree')} of freedom{stations}, {about['driven']} driven; mass {about['mass_kg']:.6g} kg"
-    )
+    driven, mass = about["driven"], about["mass_kg"]
+    print(f"{plural(freedoms, 'degree')} of freedom{stations}, {driven} driven; mass {mass:.6g} kg")
     listed = 100
     for k, joint in enumerate(joints[:listed]):
         print(f"  {k:4d}  {joint['name']:<16} {joint['description']}")

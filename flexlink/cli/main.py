@@ -194,9 +194,8 @@ def _in_si(unit: str, text: str) -> float:
         return float(number) * conversion(given or unit, unit)  # type: ignore[operator]
     except (TypeError, ValueError):  # another unit, or no number
         known = ", ".join(units_like(unit))
-        raise argparse.ArgumentTypeError(
-            f"{text!r}: expected a number in {unit}, such as 0.5, or with a unit: {known}"
-        ) from None
+        why = f"{text!r}: expected a number in {unit}, such as 0.5, or with a unit: {known}"
+        raise argparse.ArgumentTypeError(why) from None
 
 
 def build_parser(words: Container[str] | None = None) -> argparse.ArgumentParser:

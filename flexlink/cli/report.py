@@ -40,9 +40,8 @@ def run_command(options: argparse.Namespace) -> int:
             scene, options.out, against=options.against, command=command_line(),
             progress=lambda line: print(line, file=sys.stderr, flush=True),
         )  # fmt: skip
-    options.document = {"page": str(page.page), "passed": page.passed, "failures": page.failures} | {
-        "verdicts": [{"about": each.about, "verdict": each.word, "text": each.text} for each in page.verdicts]
-    }
+    verdicts = [{"about": each.about, "verdict": each.word, "text": each.text} for each in page.verdicts]
+    options.document = {"page": str(page.page), "passed": page.passed, "failures": page.failures, "verdicts": verdicts}
     for verdict in page.verdicts:
         print(f"{verdict.about}: {verdict.word}. {verdict.text}")
     for failure in page.failures:

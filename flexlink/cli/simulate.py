@@ -135,9 +135,8 @@ def _summary(scene: Scene, run: Trajectory, seconds: float) -> None:
     if past == 0:
         print(f"{scene.name}: run.duration = 0 s: only the initial state; specify a duration, such as --duration 1")
     else:
-        print(
-            f"{scene.name}: {past:g} s simulated in {seconds:.3g} s ({past / seconds:.3g} × real time), checks included"
-        )
+        took = f"{seconds:.3g} s ({past / seconds:.3g} × real time), checks included"
+        print(f"{scene.name}: {past:g} s simulated in {took}")
     if run.steps is not None:
         listed = run_cost(run.chain, run.steps.method, run.steps.evaluations)
         cost = machine_factor(problem_of(scene, tied=True)) * listed

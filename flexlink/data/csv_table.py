@@ -134,9 +134,8 @@ def read_csv(path: Path) -> CsvTable:
     data = read_regular(path, largest=100_000_000, error=DataFileError)
     try:
         text = data.decode("utf-8-sig")
-        heads, *lines = [
-            line for line in csv.reader(io.StringIO(text, newline=None)) if any(cell.strip() for cell in line)
-        ]
+        every = csv.reader(io.StringIO(text, newline=None))
+        heads, *lines = [line for line in every if any(cell.strip() for cell in line)]
     except (UnicodeDecodeError, csv.Error) as error:
         raise DataFileError(f"{path}: is not CSV: {error}", id="not-csv") from None
     except ValueError:

@@ -211,9 +211,8 @@ def _few_hinges(scene: Scene) -> Iterator[Diagnostic]:
     for sensor in scene.sensor:
         if sensor.kind == "strain" and (found := len(placed[scene.arm.number(sensor.link) - 1][0])) < ENOUGH_HINGES:
             course = "1 hinge, so its strain is constant" if found == 1 else "2 hinges, so its strain varies linearly"
-            yield Diagnostic(
-                f"sensor.{sensor.name}: link {sensor.link!r} has only {course}; use 5 segments or more", "few-hinges"
-            )
+            text = f"sensor.{sensor.name}: link {sensor.link!r} has only {course}; use 5 segments or more"
+            yield Diagnostic(text, "few-hinges")
 
 
 def _centers_without_mass(scene: Scene) -> Unused:

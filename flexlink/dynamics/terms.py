@@ -137,9 +137,8 @@ def bias_torque(
     >>> print(fl.bias_torque(chain, q, qd)[chain.active].round(2))  # N m; at rest the gravity torque
     [77.6  30.31]
     """
-    return inverse_dynamics(
-        chain, q, qd, np.zeros(require_type("chain", chain, Chain).n), tip_wrench=tip_wrench, frame=frame
-    )
+    still = np.zeros(require_type("chain", chain, Chain).n)
+    return inverse_dynamics(chain, q, qd, still, tip_wrench=tip_wrench, frame=frame)
 
 
 def gravity_torque(chain: Chain, q: ArrayLike) -> Array:

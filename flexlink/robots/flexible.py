@@ -167,9 +167,8 @@ def _rigid_body(body: SpatialInertia) -> RigidBody:
     inertia = (body.inertia + body.inertia.T) / 2
     xx, yy, zz, *products = (float(inertia[j, k]) for j, k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
     x, y, z = body.center.tolist()
-    return RigidBody(
-        mass=float(body.mass), center=(x, y, z), inertia=(xx, yy, zz, *(products if any(products) else ()))
-    )
+    moments = (xx, yy, zz, *(products if any(products) else ()))
+    return RigidBody(mass=float(body.mass), center=(x, y, z), inertia=moments)
 
 
 def rounded_down(value: float) -> str:

@@ -117,9 +117,8 @@ class Sweep(Spec, frozen=True):
                     raw[table] = documents.with_absolute_paths(folder, dict(documents.paths_of(raw[table], leaf)))
             sample = raw.get("sample")
             if isinstance(sample, dict) and isinstance(sample.get("keys"), dict):
-                sample["keys"] = documents.with_absolute_paths(
-                    folder, dict(documents.paths_of(sample["keys"], ("between", "mean", "deviation")))
-                )
+                files = dict(documents.paths_of(sample["keys"], ("between", "mean", "deviation")))
+                sample["keys"] = documents.with_absolute_paths(folder, files)
             sweep = cls(scene=scene, **{key: decode(value, fields[key].type, key) for key, value in raw.items()})
             Plan(sweep)
             return sweep

@@ -26,9 +26,7 @@ from flexlink.dynamics.derivatives import forward_dynamics_derivatives
 from flexlink.dynamics.placement import jacobian, tip_position
 from flexlink.dynamics.terms import mass_matrix
 
-DIFFERENCES = (
-    np.array([[-3.0, 27.0, -135.0, 0.0, 135.0, -27.0, 3.0], [2.0, -27.0, 270.0, -490.0, 270.0, -27.0, 2.0]]) / 180
-)
+DIFFERENCES = np.array([[-3, 27, -135, 0, 135, -27, 3], [2, -27, 270, -490, 270, -27, 2]]) / 180
 """Central differences of order 6 for q̇ and q̈, in units of the spacing, shape (2, 7)."""
 
 

@@ -166,11 +166,10 @@ def _check_steady(chain: Chain, steady: LoadedState) -> None:
     """Refuse a motion along which torques, M or K of the free coordinates change."""
     step = steady.qd / np.abs(steady.qd / rounding.scales(chain)).max()
     now = _scaled_terms(chain, steady.q, steady)
+    terms = "the torques on", "the inertia of", "the stiffness of"
     for far in LATER:
         then = _scaled_terms(chain, steady.q + far * step, steady)
-        for what, before, after in zip(
-            ("the torques on", "the inertia of", "the stiffness of"), now, then, strict=True
-        ):
+        for what, before, after in zip(terms, now, then, strict=True):
             if np.abs(after - before).max() > SAME:
                 moving = ", ".join(chain.joint_name(int(k)) for k in np.flatnonzero(steady.qd))
                 raise ArgumentError(

@@ -86,9 +86,8 @@ def _costs(about: Refinement, choices: Sequence[Choice]) -> str:
         better = [one for one in known if one.error < 0.9 * own.error]  # clearly smaller errors, not nearly equal ones
         if cheaper:
             best = min(cheaper, key=lambda one: one.error)
-            sentences.append(
-                f"Best cheaper choice: {best.label} ({_seconds(best.seconds)}, tip error {_length(best.error)})."
-            )
+            cost = f"{_seconds(best.seconds)}, tip error {_length(best.error)}"
+            sentences.append(f"Best cheaper choice: {best.label} ({cost}).")
         if better:
             least = min(better, key=lambda one: one.seconds)
             sentences.append(
