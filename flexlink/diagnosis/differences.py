@@ -200,11 +200,8 @@ def _differing(ours: ReadBack, theirs: ReadBack) -> dict[str, Discrepancy]:
     # joints i < j, shape (m, 2), with a spring or damper between them in one of the records, by field
     found = {f: np.argwhere(np.triu((getattr(ours, f) != 0) | (getattr(theirs, f) != 0), 1)) for f in COUPLED_FIELDS}
     between = {field: rows for field, rows in found.items() if len(rows)}
-    pairs = {
-        field: (_values(ours, field, ours), _values(theirs, field, ours))
-        for field in table().fields
-        if field not in COUPLED_FIELDS
-    }
+    alone = [field for field in table().fields if field not in COUPLED_FIELDS]
+    pairs = {field: (_values(ours, field, ours), _values(theirs, field, ours)) for field in alone}
     pairs |= {f: (getattr(ours, f)[*rows.T], getattr(theirs, f)[*rows.T]) for f, rows in between.items()}
     apart = {field: _norm(b - a) for field, (a, b) in pairs.items() if field != "effort"}
     L, (sin, off) = reach(ours), deviations(ours, theirs)

@@ -53,11 +53,8 @@ def mark_unspecified(read: ReadBack) -> ReadBack:
 def taken_from_scene(ours: ReadBack, read: ReadBack) -> frozenset[str]:
     """Actuator fields that the scene specifies but the file does not."""
     nothing = no_actuators(ours.n)
-    return frozenset(
-        field
-        for field in ACTUATOR_FIELDS
-        if field in read.unspecified - ours.unspecified and not np.array_equal(getattr(ours, field), nothing[field])
-    )
+    given = {field for field in ACTUATOR_FIELDS if not np.array_equal(getattr(ours, field), nothing[field])}
+    return (read.unspecified - ours.unspecified) & given
 
 
 def not_compared(ours: ReadBack, read: ReadBack, order: Indices) -> str:

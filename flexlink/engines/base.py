@@ -191,10 +191,9 @@ def fixed_steps_problem(scene: Scene, engine: str = "") -> InitialValueProblem:
         why = f"{scene.name}: other engines do not support {', '.join(sorted(unknown))}; remove it from the scene"
         raise ArgumentError(why, id="arguments-not-counted")
     if not problem.explicit:
-        raise ArgumentError(
-            f"method = {scene.run.method!r}: other engines need fixed steps of an explicit method; set method and step",
-            id="engine-method",
-        )
+        method = scene.run.method
+        why = f"method = {method!r}: other engines need fixed steps of an explicit method; set method and step"
+        raise ArgumentError(why, id="engine-method")
     check_step(problem)
     if engine:
         refuse_held_joints(engine, problem.chain)

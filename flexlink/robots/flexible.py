@@ -132,10 +132,8 @@ def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) ->
         end=payload(end.moved(Pose(np.eye(3), -np.array(ends[1])))),
     )  # fmt: skip
     material = msgspec.structs.replace(flexible.material, density=mass / volume)
-    remark = Diagnostic(
-        f"{part.link}: beam of {mass:.4g} kg and {line.length:.4g} m, from the link's {part.body.mass:.4g} kg",
-        "flexible-link",
-    )
+    text = f"{part.link}: beam of {mass:.4g} kg and {line.length:.4g} m, from the link's {part.body.mass:.4g} kg"
+    remark = Diagnostic(text, "flexible-link")
     return ImportedLink(link, material, section, remark, _warning(part, flexible, largest, line.length))
 
 

@@ -130,11 +130,10 @@ def _in_time(about: Refinement) -> Picture | None:
         return None
     figure, (axes,) = stacked_axes(1, 3.2)
     columns: dict[str, np.ndarray] = {"t [s]": about.run.t}
-    curves = {"this scene": about.run.tip} | {
-        about.times_the_hinges(factor, f"{factor:g} ×"): outcome.tip
-        for factor, outcome in about.cuts.items()
-        if factor != 1.0
-    }
+    curves = {"this scene": about.run.tip}
+    for factor, outcome in about.cuts.items():
+        if factor != 1.0:
+            curves[about.times_the_hinges(factor, f"{factor:g} ×")] = outcome.tip
     for place, (label, tip) in enumerate(curves.items()):
         off = np.linalg.norm(tip - about.limit.tip, axis=1)
         columns[f"{label} [m]"] = off

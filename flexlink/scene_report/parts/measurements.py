@@ -72,11 +72,8 @@ def _about_fits(fits: Sequence[Fit], best: Fit | None) -> list[str]:
         f"instead of {number(best.number.value)}; {percent(best.remaining)} of the difference remains."
     ]
     clearly = 2.0  # a parameter is the cause if all others leave at least twice the difference
-    rivals = [
-        f"{fit.number.what} ({_change(fit)}; {percent(fit.remaining)} remains)"
-        for fit in fits[1:]
-        if fit.remaining < clearly * best.remaining
-    ]
+    near = [fit for fit in fits[1:] if fit.remaining < clearly * best.remaining]
+    rivals = [f"{fit.number.what} ({_change(fit)}; {percent(fit.remaining)} remains)" for fit in near]
     if rivals:
         sentences.append(f"The cause is uncertain, because other parameters fit nearly as well: {', '.join(rivals)}.")
     elif len(fits) > 1:
