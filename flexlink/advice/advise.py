@@ -91,8 +91,7 @@ def advise(
     return Advisor(scene, goal, positive("budget", budget), measure).advice()
 
 
-Measure = Literal["simulation", "explicit", "control"]
-"""What advice minimises."""
+Measure = Literal["simulation", "explicit", "control"]  # what advice minimises
 
 
 class Advisor:
@@ -102,6 +101,7 @@ class Advisor:
         self.scene, self.goal, self.measure, self._started = scene, goal, measure, thread_time()
         self.runner, self.norm = ModelRunner(scene, budget), TipErrorNorm(goal, scene.run.spacing)
         self.axes, self.lines = all_axes(scene), list[str]()
+        self.size = self.runner.chain(uniform(self.axes, Thresholds.hinges)).size
         self.rigid: Outcome | None = None
 
     def advice(self) -> Advice:
@@ -116,9 +116,8 @@ class Advisor:
         refinement = RefinementStudy(self.runner, self.norm, self.goal, self.axes, stepping)
         refinement.refine()
         if refinement.limit is None:
-            raise ArgumentError(
-                f"{self.scene.name}: fewer than two models could be run: {refinement.reason}", id="too-few-models"
-            )
+            why = f"{self.scene.name}: fewer than two models could be run: {refinement.reason}"
+            raise ArgumentError(why, id="too-few-models")
         of_steps = refinement.remove_step_errors()
         known = refinement.limit.errors + of_steps + self.norm.up_to(screening.left_out)
         if known[-1] >= refinement.tolerance:
@@ -128,7 +127,7 @@ class Advisor:
     def _rigid_is_enough(self) -> Advice | None:
         if self.goal.deflection:
             return None
-        self.rigid = rigid.rigid_run(self.runner, self.goal, self._size())
+        self.rigid = rigid.rigid_run(self.runner, self.goal, self.size)
         if self.rigid is None or self.rigid.run is None:
             return None
         self.runner.sample_postures(self.rigid.run)
@@ -150,15 +149,12 @@ class Advisor:
         outcome = rigid.cheapest_run(self.runner, strict, tolerance, total)
         return self._done(rigid.rigid_model(self.runner), outcome, total(outcome.tip), tolerance, travel, None)
 
-    def _size(self) -> float:
-        return self.runner.chain(uniform(self.axes, Thresholds.hinges)).size
-
     def _first_flexible_run(self) -> tuple[Stepping, float]:
         """Return time steps whose errors on the coarsest chain are far below the tolerance, and this tolerance [m]."""
         model = uniform(self.axes, Thresholds.hinges)
-        travel = tip_travel(self.rigid.tip) if self.rigid else Thresholds.first_guess * self._size()
-        tolerance = self.goal.tolerance(travel, travel) or self.goal.size * self._size()
-        least, share = least_tolerance(self._size()), Thresholds.reference_step_share
+        travel = tip_travel(self.rigid.tip) if self.rigid else Thresholds.first_guess * self.size
+        tolerance = self.goal.tolerance(travel, travel) or self.goal.size * self.size
+        least, share = least_tolerance(self.size), Thresholds.reference_step_share
         # stricter steps measure the step errors, which are many times the steps' tolerance in sensitive motion
         strictness, passes = 0.1, 8
         stepping, known_tolerance = Stepping("auto", tolerance=share * tolerance), tolerance
@@ -171,7 +167,12 @@ class Advisor:
             travel, bent = tip_travel(outcome.tip), float(deflections(outcome.run).max())
             known_tolerance = self.goal.tolerance(travel, bent)
             if known_tolerance < least:
-                raise self._still(bent if self.goal.deflection else travel, least)
+                what, size = ("springs deflect the tip", bent) if self.goal.deflection else ("the tip moves", travel)
+                raise ArgumentError(
+                    f"{self.scene.name}: {what} by only {size:.2g} m, and {self.goal} of that is below the rounding "
+                    f"error, {least:.2g} m; specify the error as a length, such as tip = '1 mm'",
+                    id="no-motion",
+                )
             if stepping.tolerance == least:
                 return stepping, known_tolerance
             if known_tolerance >= tolerance / Thresholds.rerun_factor:
@@ -184,15 +185,6 @@ class Advisor:
                 share *= strictness
             tolerance = known_tolerance
         return stepping, known_tolerance
-
-    def _still(self, size: float, least: float) -> ArgumentError:
-        """Return the error to raise if the goal is a fraction of a motion whose `size` [m] is too small."""
-        what = "springs deflect the tip" if self.goal.deflection else "the tip moves"
-        return ArgumentError(
-            f"{self.scene.name}: {what} by only {size:.2g} m, and {self.goal} of that is below the rounding error, "
-            f"{least:.2g} m; specify the error as a length, such as tip = '1 mm'",
-            id="no-motion",
-        )
 
     def _cheapest(self, refinement: RefinementStudy, known: Array) -> Advice:
         assert refinement.limit is not None
@@ -234,9 +226,8 @@ class Advisor:
         hinges = refinement.finest.hinges
         lines = [line("cannot", f"error {length(error)} with {hinges} hinges per link: {self.goal} is not met{why}")]
         if known_to <= tolerance:
-            lines.append(
-                line("limit", f"the extrapolated path of the tip is known within {length(known_to)}; see converged_tip")
-            )
+            path = f"the extrapolated path of the tip is known within {length(known_to)}; see converged_tip"
+            lines.append(line("limit", path))
         if growth > Thresholds.sensitive_growth:
             fold = f" (by e every {e_fold:.3g} s)" if np.isfinite(e_fold) else ""
             lines.append(line("sensitive", f"initial errors grow by a factor of {growth:.2g}{fold}"))
@@ -247,8 +238,15 @@ class Advisor:
     def _done(
         self, model: Model, outcome: Outcome, error: float, tolerance: float, travel: float, limit: Limit | None
     ) -> Advice:
+        links = zip(self.scene.arm.links, model, strict=True)
+        lines = [line("link", f"{link.name}: {bend or 'rigid'}") for link, bend in links]
+        chain = self.runner.chain(model)
+        freedoms = f"{chain.freedoms} degrees of freedom"
+        lost = short_list([one.name for one in gauges_lost(self.scene, model)])
+        lines += [line("sensor", f"{lost}: left out, as its link is rigid; for strain, let it bend")] if lost else []
+        lines.append(line("moves in", f"{'a plane' if chain.is_planar else 'space'}, {freedoms}"))
+        lines.append(line("step", self._steps(model, outcome)))
         end = self.scene.initial.time + self.scene.run.duration
-        lines = self._choices(model, outcome)
         return self._result(model, outcome, error, tolerance, travel, limit, end, lines)
 
     def _result(
@@ -272,16 +270,6 @@ class Advisor:
             error <= tolerance, self.runner.scene_of(model, outcome.stepping), error, tolerance, travel, whole,
             again, limit, holds, self.runner.count, took, (first, *falls, *self.lines, *lines, *last),
         )  # fmt: skip
-
-    def _choices(self, model: Model, outcome: Outcome) -> list[str]:
-        links = zip(self.scene.arm.links, model, strict=True)
-        lines = [line("link", f"{link.name}: {bend or 'rigid'}") for link, bend in links]
-        chain = self.runner.chain(model)
-        freedoms = f"{chain.freedoms} degrees of freedom"
-        lost = short_list([one.name for one in gauges_lost(self.scene, model)])
-        lines += [line("sensor", f"{lost}: left out, as its link is rigid; for strain, let it bend")] if lost else []
-        lines.append(line("moves in", f"{'a plane' if chain.is_planar else 'space'}, {freedoms}"))
-        return [*lines, line("step", self._steps(model, outcome))]
 
     def _steps(self, model: Model, outcome: Outcome) -> str:
         stepping = outcome.stepping

@@ -45,21 +45,16 @@ def goal_of(tip: float | str, *, deflection: bool, band: float | None, run: RunS
     else:
         size, metres = real("tip", tip, wanted), False
     if not 0 < size < (np.inf if metres else 1.0):
-        raise ArgumentError(
-            f"tip = {truncated(tip)}: expected a fraction of the travel between 0 and 1, or a length such as '2 mm'",
-            id="tip-goal",
-        )
+        why = f"tip = {truncated(tip)}: expected a fraction of the travel between 0 and 1, or a length such as '2 mm'"
+        raise ArgumentError(why, id="tip-goal")
     if metres and deflection:
-        raise ArgumentError(
-            f"deflection = True: tip = {truncated(tip)} is a length; expected a fraction of the deflection",
-            id="tip-goal",
-        )
+        why = f"deflection = True: tip = {truncated(tip)} is a length; expected a fraction of the deflection"
+        raise ArgumentError(why, id="tip-goal")
     if band is not None:
         band, highest = positive("band", band), 0.5 / run.spacing
         if band > highest:
-            raise ArgumentError(
-                f"band = {band!r}: samples {run.spacing:g} s apart resolve at most {highest:g} Hz", id="band-too-wide"
-            )
+            why = f"band = {band!r}: samples {run.spacing:g} s apart resolve at most {highest:g} Hz"
+            raise ArgumentError(why, id="band-too-wide")
     return Goal(size, metres, deflection, np.inf if band is None else band)
 
 
@@ -67,7 +62,9 @@ class TipErrorNorm:
     """Norm of differences between tip paths, shape (samples, 3) [m], below the goal's band."""
 
     def __init__(self, goal: Goal, sample: float) -> None:
-        self.window = _window(goal.band, sample)
+        half = round(1.0 / (goal.band * sample)) if np.isfinite(goal.band) else 0
+        # Hann window of length 2/band; its gain is zero above the band, except for side lobes of 3 %
+        self.window = np.hanning(2 * half + 1)[1:-1] if half > 1 else None
 
     def filtered(self, difference: Array) -> Array:
         """The difference without vibrations above the band."""
@@ -93,12 +90,6 @@ class TipErrorNorm:
     def __call__(self, difference: Array) -> float:
         """Largest length of the difference [m]; inf if the difference is not finite."""
         return float(self.lengths(difference).max()) if np.isfinite(difference).all() else np.inf
-
-
-def _window(band: float, sample: float) -> Array | None:
-    """Hann window of length 2/band; its gain is zero above the band, except for side lobes of 3 %."""
-    half = round(1.0 / (band * sample)) if np.isfinite(band) else 0
-    return np.hanning(2 * half + 1)[1:-1] if half > 1 else None
 
 
 def least_tolerance(size: float) -> float:

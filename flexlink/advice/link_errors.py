@@ -40,8 +40,12 @@ class LinkErrors:
         self._few: dict[tuple[int, int], Array] = {}  # errors with fewer hinges than the base, by link and hinges
         self._fewer_axes: dict[tuple[int, str], Array] = {}  # changes of the path with fewer axes
         self._own = self._of_base()
+        counts = {self.base // 2, 1} | ({0} if len(self.bending) > 1 else set())  # never a model with all links rigid
         for k in self.bending:
-            self._measure(k)
+            for hinges in counts:
+                self._few[k, hinges] = self._changed(k, self._hinges(k, hinges)) + self._own[k]
+            for flex in fewer_axes(self.refinement.axes[k]):
+                self._fewer_axes[k, flex] = self._changed(k, by_rule(flex, self.base, self.family))
 
     def from_limit(self, tip: Array) -> float:
         """Distance of a tip path (samples, 3) from the limit [m]."""
@@ -75,13 +79,6 @@ class LinkErrors:
         total = np.sum(list(changes.values()), axis=0)
         share = np.copysign(self.norm(rest) / (self.norm(total) or 1.0), np.vdot(rest, total))
         return {k: share * change for k, change in changes.items()}
-
-    def _measure(self, k: int) -> None:
-        counts = {self.base // 2, 1} | ({0} if len(self.bending) > 1 else set())  # never a model with all links rigid
-        for hinges in counts:
-            self._few[k, hinges] = self._changed(k, self._hinges(k, hinges)) + self._own[k]
-        for flex in fewer_axes(self.refinement.axes[k]):
-            self._fewer_axes[k, flex] = self._changed(k, by_rule(flex, self.base, self.family))
 
     def _hinges(self, k: int, hinges: int) -> Bend | None:
         return by_rule(self.refinement.axes[k], hinges, self.family) if hinges else None

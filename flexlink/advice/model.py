@@ -37,11 +37,9 @@ class Family(NamedTuple):
         return {count for count in tried if 0 <= count < hinges}
 
 
-FEW = 2
-"""In every family, all numbers of hinges up to this one are tried."""
+FEW = 2  # in every family, all numbers of hinges up to this one are tried
 
-GAUSS = "gauss"
-"""The family that every study starts with."""
+GAUSS = "gauss"  # the family that every study starts with
 
 FAMILIES = {
     # `safe` was measured on 22 scenes; cells use the value of gauss, which tests of advice check with finer models
@@ -83,10 +81,8 @@ class Bend(NamedTuple):
         return f"{text}; strain modes {counts}"
 
 
-Model = tuple[Bend | None, ...]
-"""One entry for each link; None for a rigid link."""
-Axes = tuple[str, ...]
-"""One of `FLEX` for each link."""
+Model = tuple[Bend | None, ...]  # one entry for each link; None for a rigid link
+Axes = tuple[str, ...]  # one of `FLEX` for each link
 
 
 def by_rule(flex: str, hinges: int, family: str = GAUSS) -> Bend | None:
@@ -127,14 +123,11 @@ def checked_scene(scene: Scene) -> Scene:
                 id="hinge-state-with-advice",
             )
     if scene.run.duration == 0:
-        raise SceneError(
-            f"run.duration = {scene.run.duration!r}: advice needs a motion; use a duration > 0", id="no-motion"
-        )
+        why = f"run.duration = {scene.run.duration!r}: advice needs a motion; use a duration > 0"
+        raise SceneError(why, id="no-motion")
     if not any(map(is_beam, scene.arm.links)):
-        raise SceneError(
-            "link: no link can bend, so there is nothing to choose; give a link a material and a section",
-            id="no-flexible-link",
-        )
+        why = "link: no link can bend, so there is nothing to choose; give a link a material and a section"
+        raise SceneError(why, id="no-flexible-link")
     return scene
 
 

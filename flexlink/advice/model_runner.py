@@ -87,7 +87,7 @@ class ModelRunner:
     def run(self, model: Model, stepping: Stepping) -> Outcome:
         """Run a model, or return its outcome if it has already been run."""
         if (model, stepping) not in self._outcomes:
-            self._outcomes[model, stepping] = self._run(model, stepping)
+            self._outcomes[model, stepping] = self.run_from(None, model, stepping)
         return self._outcomes[model, stepping]
 
     def perturbed_run(self, model: Model, stepping: Stepping, angle: float) -> Outcome | None:
@@ -109,11 +109,8 @@ class ModelRunner:
         joint_m = tuple(m.tolist()) if chain.slides[free].any() else initial.joint_m
         return self.run_from(replace(initial, joint_deg=tuple(deg.tolist()), joint_m=joint_m), model, stepping)
 
-    def run_from(self, initial: InitialState, model: Model, stepping: Stepping) -> Outcome:
-        """The run from other initial conditions."""
-        return self._run(model, stepping, initial)
-
-    def _run(self, model: Model, stepping: Stepping, initial: InitialState | None = None) -> Outcome:
+    def run_from(self, initial: InitialState | None, model: Model, stepping: Stepping) -> Outcome:
+        """The run from other initial conditions; None: those of the scene."""
         tip = np.full((self.scene.run.samples, 3), np.nan)
         reason, over_budget, run = "", False, None
         try:

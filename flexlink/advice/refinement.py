@@ -21,7 +21,6 @@ import numpy as np
 from flexlink.advice.goal import Goal, Thresholds, TipErrorNorm
 from flexlink.advice.model import FAMILIES, FLEX, GAUSS, Axes, Model, limited_axes, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
-from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import Kind
 from flexlink.common.types import Array
 from flexlink.describe.arm import Arm
@@ -68,7 +67,8 @@ class RefinementStudy:
         """Run levels until the error of the limit is a tenth of the tolerance, or more hinges do not help."""
         # numbers of hinges of each link that bends
         for hinges in (1, 2, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128):
-            if self._is_known(hinges):
+            finest = self.levels[self.family][-1].hinges if self.levels[self.family] else 0
+            if hinges <= finest or FAMILIES[self.family].rounded_up(hinges) != hinges:  # known, or not offered
                 continue
             if self._beyond_budget(hinges):
                 break
@@ -116,8 +116,12 @@ class RefinementStudy:
             change = weight * self._step_errors(level) if weight else np.zeros_like(tip)
             tip = tip + change
             left = left + self.norm.up_to(change) * Thresholds.strict**0.5  # upper bound for any order of the steps
-        if not np.isfinite(left[-1]):
-            return self._step_errors_of_coarser()
+        if not np.isfinite(left[-1]):  # take the finest level that stricter steps can run
+            for level in self.levels[self.family][-2::-1]:
+                errors = self.norm.up_to(self._step_errors(level))
+                if np.isfinite(errors[-1]):
+                    return Thresholds.scatter * errors
+            return np.full(len(self.finest.outcome.tip), np.inf)
         self.limit = self.limit._replace(tip=tip)
         return left
 
@@ -126,19 +130,6 @@ class RefinementStudy:
         assert self.stepping.tolerance is not None
         strict = self.stepping._replace(tolerance=Thresholds.strict * self.stepping.tolerance)
         return self.runner.run(uniform(self.axes, level.hinges, self.family), strict).tip - level.outcome.tip
-
-    def _step_errors_of_coarser(self) -> Array:
-        """Step errors of the finest level that can be run with stricter steps, times `Thresholds.scatter`."""
-        for level in self.levels[self.family][-2::-1]:
-            errors = self.norm.up_to(self._step_errors(level))
-            if np.isfinite(errors[-1]):
-                return Thresholds.scatter * errors
-        return np.full(len(self.finest.outcome.tip), np.inf)
-
-    def _is_known(self, hinges: int) -> bool:
-        """Whether a level has already been run, or is not offered by its family."""
-        finest = self.levels[self.family][-1].hinges if self.levels[self.family] else 0
-        return hinges <= finest or FAMILIES[self.family].rounded_up(hinges) != hinges
 
     def _beyond_budget(self, hinges: int) -> bool:
         levels = self.levels[self.family]
@@ -183,7 +174,8 @@ class RefinementStudy:
                 itself = np.maximum(itself, self._itself[family] * (Na / Nb) ** (order + Thresholds.limit_fall / 2))
         limits.append(limit)
         self._itself[family] = itself
-        return min(limit, Limit(b, itself), key=self._rank)
+        # the fewest samples beyond the tolerance, then the smallest error at the end
+        return min(limit, Limit(b, itself), key=lambda one: (int((one.errors > self.tolerance).sum()), one.error))
 
     def _order(self, family: str, levels: Sequence[tuple[int, Array]]) -> float:
         """Order of the errors that fits the changes between three levels; with two levels, the family's higher order.
@@ -197,10 +189,6 @@ class RefinementStudy:
         (Na, a), (Nb, b), (Nc, c) = levels
         ratios = [(Na**-p - Nb**-p) / (Nb**-p - Nc**-p) for p in (low, high)]
         return high if self.norm(b - a) >= math.sqrt(math.prod(ratios)) * self.norm(c - b) else low
-
-    def _rank(self, limit: Limit) -> tuple[int, float]:
-        """Sort key: number of samples beyond the tolerance, then the error at the end."""
-        return int((limit.errors > self.tolerance).sum()), limit.error
 
     def _compare_rules(self, hinges: int) -> None:
         """Switch to another family if a similar number of hinges then gives less than half the error.
@@ -256,10 +244,8 @@ class AxisScreening:
         self.axes, self.trials = axes, list[str]()
         self.tip = runner.run(uniform(axes, Thresholds.screening_hinges), stepping).tip
         self.left_out = np.zeros_like(self.tip)
-        if not self._try("all: flex z only", limited_axes(axes, "z")):
-            self._link_by_link()
-
-    def _link_by_link(self) -> None:
+        if self._try("all: flex z only", limited_axes(axes, "z")):
+            return
         if self.axes.count("rigid") < len(self.axes) - 1:
             self._try("all: flex yz only", limited_axes(self.axes, "yz"))
         for k, link in enumerate(self.runner.scene.arm.links):
@@ -300,16 +286,12 @@ def load_and_bend(arm: Arm, run: Trajectory) -> tuple[float, float]:
     for number, link in enumerate(arm.links, 1):
         hinges = chain.where(Kind.HINGE, link=number).tolist()
         if hinges:
+            axes = np.array([chain.coordinates[k].axis for k in hinges])
+            θ = np.hypot(*(few.q[:, np.array(hinges)[axes == axis]].sum(axis=1) for axis in (2, 3)))  # about y and z
             γ = force[:, [chain.body(k) for k in hinges]].max(axis=1) * link.beam.length**2 / _least_rigidity(arm, link)
-            found.append((float(γ.max()), float((γ + 2 * _bend(chain, few.q, hinges)).max())))
+            found.append((float(γ.max()), float((γ + 2 * θ).max())))
     γ, both = map(max, zip(*found, strict=True))
     return γ, both
-
-
-def _bend(chain: Chain, q: Array, hinges: list[int]) -> Array:
-    """θ of bending about y and z, at every sample."""
-    axes = np.array([chain.coordinates[k].axis for k in hinges])
-    return np.asarray(np.hypot(*(q[:, np.array(hinges)[axes == axis]].sum(axis=1) for axis in (2, 3))))
 
 
 def _least_rigidity(arm: Arm, link: Link) -> float:

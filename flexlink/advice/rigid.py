@@ -28,7 +28,6 @@ from msgspec.structs import replace
 from flexlink.advice.goal import Goal, Thresholds, TipErrorNorm, least_tolerance
 from flexlink.advice.model import Axes, Model, can_move, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
-from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import Kind
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
@@ -94,9 +93,8 @@ def _steppings(runner: ModelRunner, strict: Outcome, allowed: float) -> list[Ste
     assert strict.stepping.tolerance is not None
     costs = {}
     for tolerance in (factor * allowed for factor in Thresholds.loose):  # steps follow an error estimate of order 4
-        costs[Stepping("Radau5", tolerance=tolerance)] = (
-            strict.seconds * (tolerance / strict.stepping.tolerance) ** -0.25
-        )
+        cost = strict.seconds * (tolerance / strict.stepping.tolerance) ** -0.25
+        costs[Stepping("Radau5", tolerance=tolerance)] = cost
     fixed = runner.fixed_steps(runner.scene.run.spacing)
     if fixed is not None:
         costs[fixed] = runner.fixed_steps_cost(rigid_model(runner), fixed)
@@ -108,7 +106,9 @@ def estimate(runner: ModelRunner, strict: Outcome, axes: Axes, norm: TipErrorNor
     run, model = strict.run, uniform(axes, Thresholds.hinges)
     assert run is not None
     chain = runner.chain(model)
-    q, qd, qdd = (_spread(run.chain, chain, values) for values in (run.q, run.qd, run.accelerations()))
+    there = [chain.index(*coordinate) for coordinate in run.chain.coordinates]
+    q, qd, qdd = np.zeros((3, len(run.q), chain.n))
+    q[:, there], qd[:, there], qdd[:, there] = run.q, run.qd, run.accelerations()  # 0 at the hinges
     loads = inverse_dynamics(chain, q, qd, qdd, tip_wrench=run.tip_wrench) + force_torque(chain, q, qd)
     bent = chain.where(Kind.HINGE)
     θ = np.zeros_like(q)
@@ -118,14 +118,6 @@ def estimate(runner: ModelRunner, strict: Outcome, axes: Axes, norm: TipErrorNor
     start, drift = release(runner, strict, model, q[0])
     y = oscillator_response(u, ω, runner.scene.run.spacing, start)
     return 2.5 * max(norm(u), norm(y), norm(drift)), ω / (2 * np.pi)
-
-
-def _spread(rigid: Chain, chain: Chain, values: Array) -> Array:
-    """Copy joint values of the rigid chain to the coordinates of another chain; set the hinges of that chain to 0."""
-    out = np.zeros((len(values), chain.n))
-    for k, coordinate in enumerate(rigid.coordinates):
-        out[:, chain.index(*coordinate)] = values[:, k]
-    return out
 
 
 def oscillator_response(u: Array, ω: float, Δ: float, start: Array) -> Array:
@@ -170,18 +162,11 @@ def release(runner: ModelRunner, strict: Outcome, model: Model, q: Array) -> tup
     except FlexlinkError:  # no equilibrium: the deflection is unknown
         return np.full(3, np.nan), np.full_like(strict.tip, np.nan)
     start = tip_position(chain, bent) - tip_position(chain, q)
-    δ = _turned(rigid, chain, q, bent - q)
+    there = np.array([chain.index(*coordinate) for coordinate in rigid.coordinates], np.intp)
+    free, δ = ~rigid.held, np.zeros(rigid.n)
+    rows = mass_matrix(chain, q)[there[free]]
+    δ[free] = np.linalg.pinv(rows[:, there[free]]) @ (rows @ (bent - q))
     if not δ.any():
         return start, np.zeros_like(strict.tip)
     initial = replace(runner.scene.initial, passive="zero", q=tuple((strict.run.q[0] + δ).tolist()))
     return start, runner.run_from(initial, (None,) * len(model), strict.stepping).tip - strict.tip
-
-
-def _turned(rigid: Chain, chain: Chain, q: Array, w: Array) -> Array:
-    """Rotations δ of the rigid chain's joints for spring angles w; 0 for held joints."""
-    there = np.array([chain.index(*coordinate) for coordinate in rigid.coordinates], np.intp)
-    free = ~rigid.held
-    rows = mass_matrix(chain, q)[there[free]]
-    δ = np.zeros(rigid.n)
-    δ[free] = np.linalg.pinv(rows[:, there[free]]) @ (rows @ w)
-    return δ

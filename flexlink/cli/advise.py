@@ -12,7 +12,6 @@ import contextlib
 from pathlib import Path
 
 from flexlink.advice.advise import advise
-from flexlink.advice.verdict import Advice
 from flexlink.cli.shared import prefix_errors, print_path, require_scene_file, varied_scene
 from flexlink.common.output import write_or_keep, write_text
 
@@ -47,16 +46,12 @@ def run_command(options: argparse.Namespace) -> int:
         limits = {"deflection": options.deflection, "band": options.band, "budget": options.budget}
         advice = advise(scene, tip, **limits, measure=options.measure)
     if options.json:
-        options.document = _document(advice)
+        names = "met", "error", "tolerance", "tip_travel", "run_time", "again_time", "horizon", "runs", "compute_time"
+        options.document = {name: getattr(advice, name) for name in (*names, "lines")}  # in m and s
+        options.document |= {"scene": advice.scene.to_toml()}
     else:
         print(advice)
     if options.out is not None:
         write_or_keep(options.out, lambda place: write_text(place, advice.scene.to_toml()))
         print_path("scene", options.out)
     return 0 if advice.met else 1
-
-
-def _document(advice: Advice) -> dict[str, object]:
-    """Advice as plain numbers [m, s] and strings, with the scene as TOML."""
-    numbers = ("met", "error", "tolerance", "tip_travel", "run_time", "again_time", "horizon", "runs", "compute_time")
-    return {name: getattr(advice, name) for name in numbers} | {"lines": advice.lines, "scene": advice.scene.to_toml()}

@@ -20,8 +20,7 @@ from flexlink.describe.scene import Scene
 from flexlink.diagnosis.comparison import Comparison, compare
 from flexlink.diagnosis.trajectories import TrajectoryComparison, compare_trajectories, in_fixed_steps
 
-MANY_STEPS = 50_000
-"""Number of steps for which other engines take a few seconds."""
+MANY_STEPS = 50_000  # number of steps for which other engines take a few seconds
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -42,7 +41,11 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run_command(options: argparse.Namespace) -> int:
     """Compare; exit with 1 if an engine or the file differs by more than rounding errors."""
-    _refuse_without_effect(options)
+    for name in ("file", "samples", "seed") if options.trajectory else ("duration",):
+        value = getattr(options, name)
+        if value is not None:
+            remedy = "leave it out, or leave out --trajectory" if options.trajectory else "add --trajectory"
+            raise ArgumentError(f"--{name} {value}: has no effect here; {remedy}", id="no-effect")
     scene = varied_scene(options.scene, options)
     bar = Progress(scene.name)
     how: dict[str, Any] = {"engines": options.engines, "progress": bar}
@@ -77,11 +80,3 @@ def _long_runs(scene: Scene, duration: float | None) -> tuple[str, ...]:
     fixed, steps = in_fixed_steps(scene, lump(scene))
     number = fixed.run.duration / fixed.run.fixed_step
     return () if number < MANY_STEPS else (f"{number:,.0f} steps in each engine, {steps}; --duration shortens it",)
-
-
-def _refuse_without_effect(options: argparse.Namespace) -> None:
-    for name in ("file", "samples", "seed") if options.trajectory else ("duration",):
-        value = getattr(options, name)
-        if value is not None:
-            remedy = "leave it out, or leave out --trajectory" if options.trajectory else "add --trajectory"
-            raise ArgumentError(f"--{name} {value}: has no effect here; {remedy}", id="no-effect")

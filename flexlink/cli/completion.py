@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 
-from flexlink.common.errors import MissingDependencyError, how_to_install
+from flexlink.common.errors import imported
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -20,10 +20,6 @@ def run_command(options: argparse.Namespace) -> int:
     """Print the completion script of a shell."""
     from flexlink.cli.main import build_parser  # noqa: PLC0415  which loads this module
 
-    try:
-        import shtab  # noqa: PLC0415  optional
-    except ImportError:
-        text = f"shell completion needs shtab; install it with: {how_to_install('completion')}"
-        raise MissingDependencyError(text, id="package-missing") from None
+    shtab = imported("shtab", "shell completion needs shtab;", "completion")
     print(shtab.complete(build_parser(), shell=options.shell))
     return 0

@@ -101,12 +101,16 @@ def _chain_and_state(
     path: Path, scene: Scene, options: argparse.Namespace, notes: list[str]
 ) -> tuple[Chain, tuple[Array, Array] | None]:
     """Return the chain, with small masses on request, and the initial state if a format stores it."""
-    chain = lump(scene)
+    chain, mass = lump(scene), options.small_mass
     keyframe = any(FORMATS[name].keyframe for name in _formats(options))
-    state = initial_state(scene, chain) if keyframe or options.small_mass is not None else None
-    if state is not None and options.small_mass is not None:
-        notes.append(_effect_of_mass(path, chain, options.small_mass, state[0]))
-        chain = with_small_mass(chain, mass=options.small_mass)
+    state = initial_state(scene, chain) if keyframe or mass is not None else None
+    if state is not None and mass is not None:
+        added = added_inertia(chain, state[0], mass=mass)
+        notes.append(
+            f"{path}: every massless link gets {mass:g} kg; relative changes in the initial configuration: "
+            f"mass matrix at most +{added:.2g}, frequencies at most −{1 - 1 / math.sqrt(1 + added):.2g}"
+        )
+        chain = with_small_mass(chain, mass=mass)
     return chain, state
 
 
@@ -117,12 +121,3 @@ def _missing(target: Path, scene: Scene, chain: Chain, format: str, *, strict: b
         text = f"--strict: {format} cannot represent {', '.join(missing)}; no file written"
         raise ArgumentError(text, id="not-representable")
     return [storage_note(target, missing, format=format)] if missing else []
-
-
-def _effect_of_mass(path: Path, chain: Chain, mass: float, q: Array) -> str:
-    """A note on how far the added masses change the motion."""
-    added = added_inertia(chain, q, mass=mass)
-    return (
-        f"{path}: every massless link gets {mass:g} kg; relative changes in the initial configuration: "
-        f"mass matrix at most +{added:.2g}, frequencies at most −{1 - 1 / math.sqrt(1 + added):.2g}"
-    )

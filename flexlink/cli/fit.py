@@ -73,12 +73,11 @@ def run_command(options: argparse.Namespace) -> int:
     if len(options.problem) > 1 or options.folds:
         return run_comparison(options)
     (options.problem,) = options.problem
-    problem = FitProblem.load(options.problem)
+    problem = _problem(options.problem, options)
     if options.experiments is not None:
         if not options.propose:
             raise ArgumentError("--experiments: has no effect without --propose", id="needs-another-argument")
         Experiments.load(options.experiments)  # reports mistakes before the fit
-    problem = replace(problem, scene=varied(options.problem, problem.scene, options.set))
     print_hints([*hints(problem.scene), *hints_on_bounds(problem)], options)
     if options.out is not None:
         building()  # reports a missing package before the fit
@@ -165,9 +164,15 @@ def run_comparison(options: argparse.Namespace) -> int:
         if getattr(options, key):
             raise ArgumentError(f"--{key}: has no effect with several problems or --folds", id="no-effect")
     problems = [_problem(path, options) for path in options.problem]
-    names, bar = _names(options.problem), Progress("fit")
+    short, bar = [path.stem for path in options.problem], Progress("fit")
+    names = short if len(set(short)) == len(short) else [str(path) for path in options.problem]
     try:
-        found = _compared(problems, names, options, bar)
+        if len(problems) > 1:
+            found = compare_fits(problems, names, by_folds=options.folds, grid=options.grid, progress=bar.report)
+        else:
+            with prefix_errors(options.problem[0]):
+                one = fit(problems[0], starts=options.starts, grid=options.grid, progress=bar.report)
+                found = FitComparison(tuple(names), (one,), (folds(problems[0], progress=bar.report),))
     finally:
         bar.clear()
     if options.out is not None:
@@ -186,25 +191,9 @@ def run_comparison(options: argparse.Namespace) -> int:
     return 0 if found.fits[found.names.index(found.preferred)].passed else 1
 
 
-def _compared(
-    problems: list[FitProblem], names: list[str], options: argparse.Namespace, bar: Progress
-) -> FitComparison:
-    if len(problems) > 1:
-        return compare_fits(problems, names, by_folds=options.folds, grid=options.grid, progress=bar.report)
-    with prefix_errors(options.problem[0]):
-        one = fit(problems[0], starts=options.starts, grid=options.grid, progress=bar.report)
-        return FitComparison(tuple(names), (one,), (folds(problems[0], progress=bar.report),))
-
-
 def _problem(path: Path, options: argparse.Namespace) -> FitProblem:
     problem = FitProblem.load(path)
     return replace(problem, scene=varied(path, problem.scene, options.set))
-
-
-def _names(paths: list[Path]) -> list[str]:
-    """Names of the files without ending, or their paths if two have the same name."""
-    short = [path.stem for path in paths]
-    return short if len(set(short)) == len(short) else [str(path) for path in paths]
 
 
 def _lines(table: Table) -> list[str]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -102,9 +102,8 @@ def _show(about: Mapping[str, Any]) -> None:
     print(f"{about['scene']}: {about['about']}" if about["about"] else about["scene"])
     freedoms = about["degrees_of_freedom"]
     stations = f" ({plural(len(joints), 'hinge')} move by strain modes)" if freedoms < len(joints) else ""
-    print(
-        f"{plural(freedoms, 'degree')} of freedom{stations}, {about['driven']} driven; mass {about['mass_kg']:.6g} kg"
-    )
+    driven, mass = about["driven"], about["mass_kg"]
+    print(f"{plural(freedoms, 'degree')} of freedom{stations}, {driven} driven; mass {mass:.6g} kg")
     listed = 100
     for k, joint in enumerate(joints[:listed]):
         print(f"  {k:4d}  {joint['name']:<16} {joint['description']}")
@@ -117,26 +116,23 @@ def _show(about: Mapping[str, Any]) -> None:
         print(f"the payload, tip, is at the end of {about['payload_on']}, the last link")
     if about["sensors"]:
         print(f"sensors: {', '.join(about['sensors'])}")
-    _show_frequencies(about)
-    if "run" in about:
-        print(about["run"])
-    print("adaptive steps, the default, follow from the tolerance; largest stable fixed steps:")
-    for row in about["stable_steps"]:
-        print(f"  {row['method']:<6} {_step_text(row)}")
-
-
-def _show_frequencies(about: Mapping[str, Any]) -> None:
-    """Print frequencies by kind, the first elastic frequency with locked joints, and the stiffness ratio."""
     for kind in ("elastic", "pendulum"):
-        hertz = [mode["frequency_hz"] for mode in about["modes"] if mode["kind"] == kind]
+        values = [mode["frequency_hz"] for mode in about["modes"] if mode["kind"] == kind]
+        hertz = [f"{value:.4g}" if np.isfinite(value) else "none (unstable equilibrium)" for value in values]
+        some = ", ".join(hertz if len(hertz) <= 8 else [*hertz[:4], "…", *hertz[-2:]])
         if hertz:
-            print(f"{kind} frequencies in the initial configuration, joints free [Hz]: {_some(hertz)}")
+            print(f"{kind} frequencies in the initial configuration, joints free [Hz]: {some}")
     if about["modes"]:
         print(first_elastic(about["first_elastic_hz"]))
     fastest, slowest = about["fastest_eigenvalue_per_s"], about["slowest_elastic_rad_per_s"]
     if np.isfinite(slowest):
         ends = f"fastest eigenvalue {fastest:.4g} 1/s, slowest elastic mode {slowest:.4g} rad/s with free joints"
         print(f"stiffness ratio {fastest / slowest:.3g}: {ends}")
+    if "run" in about:
+        print(about["run"])
+    print("adaptive steps, the default, follow from the tolerance; largest stable fixed steps:")
+    for row in about["stable_steps"]:
+        print(f"  {row['method']:<6} {_step_text(row)}")
 
 
 def _kind(chain: Chain, k: int) -> str:
@@ -192,8 +188,3 @@ def _without_structural_damping(chain: Chain) -> Chain:
 
 def _step(h: float) -> str:
     return f"at most {h:.4g} s" if np.isfinite(h) else "unconditionally stable"
-
-
-def _some(values: Sequence[float]) -> str:
-    shown = [f"{value:.4g}" if np.isfinite(value) else "none (unstable equilibrium)" for value in values]
-    return ", ".join(shown if len(shown) <= 8 else [*shown[:4], "…", *shown[-2:]])

@@ -46,7 +46,13 @@ def run_command(options: argparse.Namespace) -> int:
             for row in rows:
                 print(f"{options.over} = {row[options.over]:g}: growth {row['growth']:.6g}")
         if options.plot:
-            _plot(found, along, options)
+            if along:
+                drawing = drawing_module("results.pictures.loop")
+                poles = [[pole.z for pole in each.poles] for each in along]
+                figure = drawing.plot_poles(poles, sampled=bool(found.rate), title=options.over, values=options.values)
+            else:
+                figure = found.plot(options.kind, options.input or 0)
+            save_plot(figure, options.plot)
     return 0 if found.stable else 1
 
 
@@ -82,13 +88,3 @@ def _show(found: Loop, count: int) -> None:
             f"all torques together: stable up to {1e3 * found.largest('drive.delay'):.3g} ms of delay, "
             f"{found.largest('gain'):.3g} times the torque, and down to {found.largest('drive.rate'):.4g} Hz"
         )
-
-
-def _plot(found: Loop, along: list[Loop], options: argparse.Namespace) -> None:
-    if along:
-        drawing = drawing_module("results.pictures.loop")
-        poles = [[pole.z for pole in each.poles] for each in along]
-        figure = drawing.plot_poles(poles, sampled=bool(found.rate), title=options.over, values=options.values)
-    else:
-        figure = found.plot(options.kind, options.input or 0)
-    save_plot(figure, options.plot)

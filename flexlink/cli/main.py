@@ -14,7 +14,6 @@ import signal
 import sys
 from collections.abc import Container, Iterator, Sequence
 from pathlib import Path
-from types import ModuleType
 from typing import Any, NoReturn, TextIO
 
 from flexlink.common.errors import ALSO, FlexlinkError
@@ -72,7 +71,8 @@ def _run(arguments: Sequence[str] | None) -> int:
         return 0
     except (FlexlinkError, OSError, MemoryError) as error:
         reasons = ["not enough memory"] if isinstance(error, MemoryError) else []
-        text = ": ".join([*reasons, *filter(None, [_in_lines(error) + _copied_by(error, options)])])
+        mistakes = "\n  also: ".join(" ".join(each.split()) for each in str(error).split(ALSO))
+        text = ": ".join([*reasons, *filter(None, [mistakes + _copied_by(error, options)])])
         print(f"{coloured('flexlink')}: {text}{id_of(error)}", file=sys.stderr)
         return 2
     except KeyboardInterrupt as error:
@@ -114,11 +114,6 @@ def _copied_by(error: Exception, options: argparse.Namespace) -> str:
     if here := [str(name) for name in names if name.name == path.name and name.is_file()]:
         return f"; did you mean {here[0]!r}?"
     return "".join(f"; get {name} by: flexlink examples {name}" for name in names if name.name == path.name)
-
-
-def _in_lines(error: Exception) -> str:
-    """The error message with one line for each mistake in a file."""
-    return "\n  also: ".join(" ".join(text.split()) for text in str(error).split(ALSO))
 
 
 @contextlib.contextmanager
@@ -199,9 +194,8 @@ def _in_si(unit: str, text: str) -> float:
         return float(number) * conversion(given or unit, unit)  # type: ignore[operator]
     except (TypeError, ValueError):  # another unit, or no number
         known = ", ".join(units_like(unit))
-        raise argparse.ArgumentTypeError(
-            f"{text!r}: expected a number in {unit}, such as 0.5, or with a unit: {known}"
-        ) from None
+        why = f"{text!r}: expected a number in {unit}, such as 0.5, or with a unit: {known}"
+        raise argparse.ArgumentTypeError(why) from None
 
 
 def build_parser(words: Container[str] | None = None) -> argparse.ArgumentParser:
@@ -229,22 +223,18 @@ def build_parser(words: Container[str] | None = None) -> argparse.ArgumentParser
             name, help=text.replace("%", "%%"), description=text, epilog=f"examples:\n{examples}",
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )  # fmt: skip
-        if words is None or name in words:
-            _add_options(command, importlib.import_module(f"flexlink.cli.{module}"))
+        if words is not None and name not in words:
+            continue
+        loaded, add = importlib.import_module(f"flexlink.cli.{module}"), command.add_argument
+        command.set_defaults(module=loaded)
+        loaded.add_options(command)
+        add(
+            "--set", action="append", default=[], metavar="PATH=VALUE",
+            help="change a value of the scene, such as run.step=1e-5 or 'link.*.segments=9'; may be repeated",
+        )  # fmt: skip
+        add("--json", action="store_true", help="print the result as JSON, and nothing else")
+        add("--quiet-hints", action="store_true", help="do not warn of numbers that are likely given in another unit")
     return parser
-
-
-def _add_options(command: argparse.ArgumentParser, module: ModuleType) -> None:
-    """Add the options of a command's module, and the options that all commands have."""
-    add = command.add_argument
-    command.set_defaults(module=module)
-    module.add_options(command)
-    add(
-        "--set", action="append", default=[], metavar="PATH=VALUE",
-        help="change a value of the scene, such as run.step=1e-5 or 'link.*.segments=9'; may be repeated",
-    )  # fmt: skip
-    add("--json", action="store_true", help="print the result as JSON, and nothing else")
-    add("--quiet-hints", action="store_true", help="do not warn of numbers that are likely given in another unit")
 
 
 @functools.cache

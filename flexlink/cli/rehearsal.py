@@ -17,8 +17,7 @@ import flexlink as fl
 
 KINDS = "tree", "space", "plane", "cells", "free"
 """Names of the scenes in `data/`, in order of decreasing compile time."""
-BY_MODES = "space", "plane"
-"""Scenes whose links are also described by modes of bending."""
+BY_MODES = "space", "plane"  # scenes whose links are also described by modes of bending
 
 
 def scene_of(name: str) -> fl.Scene:
@@ -129,7 +128,7 @@ def _of_runs(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
         yield f"prescribed motion by {method}", functools.partial(fl.simulate, moved)
     free = fixed.varied({"drive": None})
     yield "control", lambda: fl.simulate(free, control=lambda t, q, qd: np.zeros(len(fl.lump(free).active)), rate=1e3)
-    yield "simulator", _each(*(functools.partial(_stepped, each) for each in (fixed, _by(scene, "auto"))))
+    yield "simulator", _each(lambda: fl.Simulator(fixed).step(), lambda: fl.Simulator(_by(scene, "auto")).step())
     yield "stored run", lambda: _stored(fixed)
     yield "sensitivities", lambda: fl.sensitivities(scene.varied({mass: 0.1}), [mass])
     if scene.name != "space":  # advice would try rotation-vector springs, which another process compiles
@@ -145,11 +144,6 @@ def _constant_motion(scene: fl.Scene) -> tuple[fl.PrescribedMotion, ...]:
         fl.PrescribedMotion(link=name, times=(0.0, 1.0), angle_deg=(angle,) * 2, rate_deg=none, acceleration_deg=none)
         for name, angle in free[-1:]
     )
-
-
-def _stepped(scene: fl.Scene) -> None:
-    simulator = fl.Simulator(scene)
-    simulator.step()
 
 
 def _stored(scene: fl.Scene) -> None:

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import flexlink as fl
 from flexlink.cli.shared import command_line, prefix_errors, print_path, varied_scene
+from flexlink.common.notebook import builder
 from flexlink.common.output import make_folder
-from flexlink.pages.builders import require_pages
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -32,16 +32,16 @@ def add_options(command: argparse.ArgumentParser) -> None:
 def run_command(options: argparse.Namespace) -> int:
     """Write the report, and print a line to stderr after each chapter; exit with 1 if a verdict is negative."""
     scene = varied_scene(options.scene, options)
-    require_pages("report")
+    for module in ("page", "picture"):  # before the work starts
+        builder(f"flexlink.pages.{module}", "report")
     make_folder(options.out)
     with prefix_errors(options.scene):
         page = fl.report(
             scene, options.out, against=options.against, command=command_line(),
             progress=lambda line: print(line, file=sys.stderr, flush=True),
         )  # fmt: skip
-    options.document = {"page": str(page.page), "passed": page.passed, "failures": page.failures} | {
-        "verdicts": [{"about": each.about, "verdict": each.word, "text": each.text} for each in page.verdicts]
-    }
+    verdicts = [{"about": each.about, "verdict": each.word, "text": each.text} for each in page.verdicts]
+    options.document = {"page": str(page.page), "passed": page.passed, "failures": page.failures, "verdicts": verdicts}
     for verdict in page.verdicts:
         print(f"{verdict.about}: {verdict.word}. {verdict.text}")
     for failure in page.failures:

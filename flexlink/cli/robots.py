@@ -28,13 +28,9 @@ def run_command(options: argparse.Namespace) -> int:
     print(f"{'name':<27} joints  mass [kg]  file under robots/ in example-robot-data")
     for name, arm in arms.items():
         moving = sum(part.body.mass for part in arm.path.parts)
-        print(f"{name:<27} {len(arm.path.parts):6d} {moving:10.4g}  {_below_robots(known_arm(name).path)}")
+        parts = known_arm(name).path.parts  # from the folder `robots` on, it does not depend on the installation
+        below = Path(*parts[len(parts) - parts[::-1].index("robots") :] if "robots" in parts else parts)
+        print(f"{name:<27} {len(arm.path.parts):6d} {moving:10.4g}  {below}")
     for name, target in targets.items():
         write_text(target, scenes[name].to_toml())
     return 0
-
-
-def _below_robots(path: Path) -> Path:
-    """The path relative to the folder `robots`, which is short and does not depend on the installation."""
-    parts = path.parts
-    return Path(*parts[len(parts) - parts[::-1].index("robots") :]) if "robots" in parts else path

@@ -53,21 +53,20 @@ def _settings(texts: Sequence[str]) -> dict[str, Any]:
 
 def assignments(option: str, texts: Sequence[str], example: str, form: str = "NAME=VALUE") -> dict[str, Any]:
     """Names and values from an option's NAME=VALUE strings; a value is TOML, or a string without quotes."""
-    return dict(_assignment(option, text, example, form) for text in texts)
-
-
-def _assignment(option: str, text: str, example: str, form: str) -> tuple[str, object]:
-    path, equals, value = (part.strip() for part in text.partition("="))
-    if re.match(r"[^\"'\[{]*,\s*[\w.*]+=", value):
-        raise ArgumentError(f"{option} {text}: two in one; write {option} before each {form}", id="option-value")
-    if not equals or not path or len(value.splitlines()) != 1:
-        raise ArgumentError(f"{option} {text}: expected {form}, such as {example}", id="option-value")
-    try:
-        return path, tomllib.loads(f"value = {value}")["value"]
-    except (ValueError, RecursionError) as error:
-        if value[0] in "\"'[{":
-            raise ArgumentError(f"{option} {text}: the value is not TOML: {error}", id="option-value") from None
-        return path, value
+    found: dict[str, Any] = {}
+    for text in texts:
+        path, equals, value = (part.strip() for part in text.partition("="))
+        if re.match(r"[^\"'\[{]*,\s*[\w.*]+=", value):
+            raise ArgumentError(f"{option} {text}: two in one; write {option} before each {form}", id="option-value")
+        if not equals or not path or len(value.splitlines()) != 1:
+            raise ArgumentError(f"{option} {text}: expected {form}, such as {example}", id="option-value")
+        try:
+            found[path] = tomllib.loads(f"value = {value}")["value"]
+        except (ValueError, RecursionError) as error:
+            if value[0] in "\"'[{":
+                raise ArgumentError(f"{option} {text}: the value is not TOML: {error}", id="option-value") from None
+            found[path] = value
+    return found
 
 
 @contextlib.contextmanager

@@ -73,9 +73,7 @@ def run_command(options: argparse.Namespace) -> int:
         shared.require_writable(options.out)
     shared.require_picture(options.plot)
     with shared.prefix_errors(options.scene):
-        ready = SingleRun(
-            problem_of(scene, tied=True)
-        )  # compiles now, so signals act at once and run times are correct
+        ready = SingleRun(problem_of(scene, tied=True))  # compiles now: signals act at once, run times are correct
         shared.print_notes(scene)
     with deferred() as stop, contextlib.ExitStack() as last:
         last.callback(finish)
@@ -137,13 +135,11 @@ def _summary(scene: Scene, run: Trajectory, seconds: float) -> None:
     if past == 0:
         print(f"{scene.name}: run.duration = 0 s: only the initial state; specify a duration, such as --duration 1")
     else:
-        print(
-            f"{scene.name}: {past:g} s simulated in {seconds:.3g} s ({past / seconds:.3g} × real time), checks included"
-        )
+        took = f"{seconds:.3g} s ({past / seconds:.3g} × real time), checks included"
+        print(f"{scene.name}: {past:g} s simulated in {took}")
     if run.steps is not None:
-        cost = machine_factor(problem_of(scene, tied=True)) * run_cost(
-            run.chain, run.steps.method, run.steps.evaluations
-        )
+        listed = run_cost(run.chain, run.steps.method, run.steps.evaluations)
+        cost = machine_factor(problem_of(scene, tied=True)) * listed
         print(f"steps: {run.steps}; CPU time {1e3 * cost:.3g} ms, without set-up and checks")
     if run.stated is not None:
         print(run.stated)

@@ -60,12 +60,17 @@ def run_command(options: argparse.Namespace) -> int:
             fill(store, None, options.workers, options.dask, bar)
         finally:
             bar.clear()
-        _summary(store, done, time.perf_counter() - begun)
+        seconds, (failed, first) = time.perf_counter() - begun, store.failures()
+        if failed:
+            print_lines("warning", [f"{failed} of {plan.members} members failed; {first}"])
+        there = f", {done} stored before" if done else ""
+        print(f"{plan.sweep.scene.name}: {plan.members - done} members run in {clock(seconds)}{there}")
+        print(f"results: {store.path}")
         if options.export:
             place = out.with_suffix(f".{options.export}")
             export(place, *store.table())
             print_path("table", place)
-        return int(store.failures()[0] == plan.members)
+        return int(failed == plan.members)
 
 
 def _planned(options: argparse.Namespace) -> Plan:
@@ -75,24 +80,9 @@ def _planned(options: argparse.Namespace) -> Plan:
     with prefix_errors(options.sweep):
         plan = Plan(replace(sweep, set={**sweep.set, **changes}))
         preflight(plan)
-    _print_hints_of_members(plan, options)
-    return plan
-
-
-def _print_hints_of_members(plan: Plan, options: argparse.Namespace) -> None:
-    """Warn of numbers of the first and the last member that are likely given in another unit, once for each path."""
     found: dict[str, Diagnostic] = {}
-    for number in (0, plan.members - 1):
+    for number in (0, plan.members - 1):  # once for each path
         with contextlib.suppress(FlexlinkError):  # the error is stored later, in this member's row
             found = {hint.partition(" = ")[0]: hint for hint in hints(plan.member(number)[0])} | found
     print_hints(found.values(), options)
-
-
-def _summary(store: Store, before: int, seconds: float) -> None:
-    count, first = store.failures()
-    if count:
-        print_lines("warning", [f"{count} of {store.plan.members} members failed; {first}"])
-    new = store.plan.members - before
-    there = f", {before} stored before" if before else ""
-    print(f"{store.plan.sweep.scene.name}: {new} members run in {clock(seconds)}{there}")
-    print(f"results: {store.path}")
+    return plan

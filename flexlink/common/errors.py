@@ -13,8 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-ALSO = "; also "
-"""Separator between two mistakes in one message."""
+ALSO = "; also "  # separator between two mistakes in one message
 
 
 class Diagnostic(str):
@@ -245,6 +244,5 @@ def imported(name: str, needs: str, extra: str) -> ModuleType:
     try:
         return importlib.import_module(name)
     except ImportError:
-        raise MissingDependencyError(
-            f"{needs} install it with: {how_to_install(extra)}", id="package-missing"
-        ) from None
+        why = f"{needs} install it with: {how_to_install(extra)}"
+        raise MissingDependencyError(why, id="package-missing") from None

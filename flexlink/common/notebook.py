@@ -1,4 +1,4 @@
-"""Display objects in a notebook, as a compact table or a figure drawn by a module that needs matplotlib."""
+"""Display objects in a notebook as a compact table, and import modules that draw figures or build pages on demand."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import importlib
 from collections.abc import Sequence
 from types import ModuleType
 
-from flexlink.common.errors import MissingDependencyError, how_to_install
+from flexlink.common.errors import MissingDependencyError, how_to_install, imported
 
 
 def html_table(caption: str, heads: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
@@ -33,8 +33,13 @@ def _cells(tag: str, texts: Sequence[str]) -> str:
 
 def drawing_module(name: str) -> ModuleType:
     """Import a plotting module of flexlink when something is drawn; its layer may be above the caller's layer."""
+    return imported(f"flexlink.{name}", "plotting needs matplotlib;", "report")
+
+
+def builder(module: str, page: str) -> ModuleType:
+    """Import the module that builds a `page`; it needs matplotlib and jinja2."""
     try:
-        return importlib.import_module(f"flexlink.{name}")
-    except ImportError:
-        text = f"plotting needs matplotlib; install it with: {how_to_install('report')}"
-        raise MissingDependencyError(text, id="package-missing") from None
+        return importlib.import_module(module)
+    except ImportError as error:
+        why = f"a {page} needs matplotlib and jinja2 ({error}); install them with: {how_to_install('report')}"
+        raise MissingDependencyError(why, id="package-missing") from None

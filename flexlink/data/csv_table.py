@@ -29,9 +29,7 @@ UNITS = {
 }  # fmt: skip
 """Units allowed in headers, with their SI unit and conversion factor. Units of angle and length may be followed by "/s"
 and "/s²"."""
-WITH_RATES = {"rad", "m"}
-PER = {"": "", "/s": "/s", "/s²": "/s²", "/s^2": "/s²"}
-"""Suffixes that may follow a unit, and their SI form."""
+PER = {"": "", "/s": "/s", "/s²": "/s²", "/s^2": "/s²"}  # suffixes that may follow a unit, and their SI form
 
 
 class CsvTable(NamedTuple):
@@ -113,7 +111,7 @@ def _split(unit: str) -> tuple[str, float] | None:
     """SI unit for a given unit, and the conversion factor; None if the unit is unknown."""
     for per, written in PER.items():
         base, size = UNITS.get(unit.removesuffix(per) if per else unit, ("", 0.0))
-        if base and (not per or (unit.endswith(per) and base in WITH_RATES)):
+        if base and (not per or (unit.endswith(per) and base in {"rad", "m"})):
             return base + written, size
     return None
 
@@ -136,9 +134,8 @@ def read_csv(path: Path) -> CsvTable:
     data = read_regular(path, largest=100_000_000, error=DataFileError)
     try:
         text = data.decode("utf-8-sig")
-        heads, *lines = [
-            line for line in csv.reader(io.StringIO(text, newline=None)) if any(cell.strip() for cell in line)
-        ]
+        every = csv.reader(io.StringIO(text, newline=None))
+        heads, *lines = [line for line in every if any(cell.strip() for cell in line)]
     except (UnicodeDecodeError, csv.Error) as error:
         raise DataFileError(f"{path}: is not CSV: {error}", id="not-csv") from None
     except ValueError:

@@ -22,8 +22,7 @@ import numpy as np
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 
-AUTO = "auto"
-"""Instead of a cutoff: the cutoff with the least generalized cross-validation."""
+AUTO = "auto"  # instead of a cutoff: the cutoff with the least generalized cross-validation
 
 
 def best_cutoff(t: Array, y: Array) -> float:
@@ -67,28 +66,21 @@ def smoothed(t: Array, y: Array, cutoff: float | str) -> tuple[Array, Array, Arr
 
     unit, degree, penalty = 1 / (2 * math.pi * cutoff), 5, 3
     # Smallest knot spacing as a fraction of 1 / (2π cutoff): accelerations in the pass band are then accurate to 1e-5,
-    # and the equations, with a condition number of up to near⁻⁶, keep eleven digits.
+    # and the equations, with a condition number of up to near⁻⁶, keep eleven digits. Sites are times this far apart.
     near = 0.2
-    sites = _sites(t / unit, near)
+    x = t / unit
+    sites = x[np.flatnonzero(np.diff(np.floor((x - x[0]) / near), prepend=-1.0) > 0)]
+    sites = np.append(sites[: max(1, int(np.searchsorted(sites, x[-1] - near, side="right")))], x[-1])
     knots = np.concatenate([[sites[0]] * degree, sites, [sites[-1]] * degree])
-    weights = np.gradient(t / unit)
+    weights = np.gradient(x)
     weights[[0, -1]] /= 2
-    B = BSpline.design_matrix(t / unit, knots, degree)
+    B = BSpline.design_matrix(x, knots, degree)
     matrix = B.T @ B.multiply(weights[:, None]) + _penalty(knots, sites, degree, penalty)
     bands = np.zeros((degree + 1, matrix.shape[0]))
     for k in range(degree + 1):
         bands[k, : matrix.shape[0] - k] = matrix.diagonal(-k)
     spline = BSpline(knots, solveh_banded(bands, B.T @ (weights * y), lower=True), degree)
-    return tuple(np.asarray(spline(t / unit, nu=k)) / unit**k for k in range(3))  # type: ignore[return-value]
-
-
-def _sites(t: Array, near: float) -> Array:
-    """A subset of increasing times at least `near` apart, including the first and the last."""
-    cells = np.floor((t - t[0]) / near)
-    first = np.flatnonzero(np.diff(cells, prepend=-1.0) > 0)
-    sites = t[first]
-    sites = sites[: max(1, int(np.searchsorted(sites, t[-1] - near, side="right")))]
-    return np.append(sites, t[-1])
+    return tuple(np.asarray(spline(x, nu=k)) / unit**k for k in range(3))  # type: ignore[return-value]
 
 
 def _penalty(knots: Array, sites: Array, highest: int, penalty: int):  # type: ignore[no-untyped-def]  # SciPy sparse

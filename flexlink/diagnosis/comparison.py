@@ -73,14 +73,9 @@ class Comparison:
 
 
 def compare(
-    scene: Scene,
-    *,
-    engines: Sequence[str] | None = None,
-    file: str | Path | None = None,
-    samples: int = 200,
-    seed: int = 0,
-    progress: Callable[[float], None] | None = None,
-) -> Comparison:
+    scene: Scene, *, engines: Sequence[str] | None = None, file: str | Path | None = None, samples: int = 200,
+    seed: int = 0, progress: Callable[[float], None] | None = None,
+) -> Comparison:  # fmt: skip
     """Compare engines, which load the exported arm or a foreign file, with the native dynamics at many states.
 
     Half of the states are random, a quarter balanced, a quarter stretched out (`mixed_states`). For a file, the
@@ -192,20 +187,15 @@ def _format(path: Path, n: int) -> str:
     root = safe_xml.parse(read_regular(path, largest=safe_xml.LARGEST, error=DataFileError), str(path))
     roots = {"mujoco": "mjcf", "robot": "urdf", "sdf": "sdf"}
     if root.tag not in roots:
-        raise DataFileError(
-            f"{path}: root is <{root.tag}>; expected <mujoco> (MJCF), <robot> (URDF) or <sdf>",
-            id="unknown-root-element",
-        )
+        why = f"{path}: root is <{root.tag}>; expected <mujoco> (MJCF), <robot> (URDF) or <sdf>"
+        raise DataFileError(why, id="unknown-root-element")
     if (unfolded := _unfolded(root)) > safe_xml.MOST_ELEMENTS:
-        raise DataFileError(
-            f"{path}: {unfolded:.3g} elements, with their counts; at most {safe_xml.MOST_ELEMENTS} are read",
-            id="file-too-large",
-        )
+        why = f"{path}: {unfolded:.3g} elements, with their counts; at most {safe_xml.MOST_ELEMENTS} are read"
+        raise DataFileError(why, id="file-too-large")
     hinges, most = sum(1 for joint in root.iter("joint") if joint.get("type") != "fixed"), max(n, 300)
     if hinges > most:  # for n joints Pinocchio needs 35 n³ bytes
-        raise DataFileError(
-            f"{path}: {hinges} joints, but the scene's arm has {n}; at most {most} are allowed", id="too-many-joints"
-        )
+        why = f"{path}: {hinges} joints, but the scene's arm has {n}; at most {most} are allowed"
+        raise DataFileError(why, id="too-many-joints")
     return roots[root.tag]
 
 

@@ -262,9 +262,8 @@ class Reordered:
 
     def integrate(self, scene: Scene) -> Samples:
         """Raise an error, because foreign files are not simulated."""
-        raise ArgumentError(
-            f"{scene.name}: foreign files are compared at states, not in simulations", id="file-not-simulated"
-        )
+        why = f"{scene.name}: foreign files are compared at states, not in simulations"
+        raise ArgumentError(why, id="file-not-simulated")
 
     def read_back(self) -> ReadBack:
         """Record of the arm in the engine's order."""

@@ -19,10 +19,8 @@ from flexlink.diagnosis.patterns import Discrepancy, any_difference, fewer_digit
 from flexlink.engines.actuators import limits
 from flexlink.engines.read_back import ACTUATOR_FIELDS, AXIS_FIELDS, BODY_FIELDS, COUPLED_FIELDS, JOINT_FIELDS, ReadBack
 
-EXACT = 1e-12
-"""Relative tolerance for copied numbers."""
-PLACED = 1e-11
-"""Relative tolerance for numbers that are rotated into frame 0 joint by joint."""
+EXACT = 1e-12  # relative tolerance for copied numbers
+PLACED = 1e-11  # relative tolerance for numbers that are rotated into frame 0 joint by joint
 
 
 @dataclasses.dataclass(frozen=True)
@@ -199,12 +197,11 @@ def _displaced(displacement: Displacement, L: float) -> str:
 
 def _differing(ours: ReadBack, theirs: ReadBack) -> dict[str, Discrepancy]:
     """Fields that differ, with the entries that differ."""
-    between = _between(ours, theirs)
-    pairs = {
-        field: (_values(ours, field, ours), _values(theirs, field, ours))
-        for field in table().fields
-        if field not in COUPLED_FIELDS
-    }
+    # joints i < j, shape (m, 2), with a spring or damper between them in one of the records, by field
+    found = {f: np.argwhere(np.triu((getattr(ours, f) != 0) | (getattr(theirs, f) != 0), 1)) for f in COUPLED_FIELDS}
+    between = {field: rows for field, rows in found.items() if len(rows)}
+    alone = [field for field in table().fields if field not in COUPLED_FIELDS]
+    pairs = {field: (_values(ours, field, ours), _values(theirs, field, ours)) for field in alone}
     pairs |= {f: (getattr(ours, f)[*rows.T], getattr(theirs, f)[*rows.T]) for f, rows in between.items()}
     apart = {field: _norm(b - a) for field, (a, b) in pairs.items() if field != "effort"}
     L, (sin, off) = reach(ours), deviations(ours, theirs)
@@ -239,12 +236,6 @@ def _differing(ours: ReadBack, theirs: ReadBack) -> dict[str, Discrepancy]:
     }
 
 
-def _between(ours: ReadBack, theirs: ReadBack) -> dict[str, Indices]:
-    """Joints i < j, shape (m, 2), with a spring or damper between them in one of the records, by field."""
-    found = {f: np.argwhere(np.triu((getattr(ours, f) != 0) | (getattr(theirs, f) != 0), 1)) for f in COUPLED_FIELDS}
-    return {field: rows for field, rows in found.items() if len(rows)}
-
-
 def _values(read: ReadBack, field: str, ours: ReadBack) -> Array:
     """Numbers of a field, one row per joint; for joint axes, direction with our sign, and point nearest to ours."""
     if field == "lines":
@@ -276,7 +267,11 @@ def _explained(field: str, diff: Discrepancy, format: str) -> Finding:
         values = getattr(theirs, name)
         faulty[name] = values.copy() if global_field else with_rows(getattr(ours, name), values, diff.rows)
     where = "" if global_field else _where(ours.names, diff.rows)
-    what = f"{_subject(field, where)}: {_instead(field, diff)}"
+    subject = table().fields[field].label
+    if where:
+        coupled = field in COUPLED_FIELDS
+        subject = f"{subject.removesuffix(' joints')} {where}" if coupled else f"{subject} of {where}"
+    what = f"{subject}: {_instead(field, diff)}"
     words = table().fields[field].id, _of_joints(field, diff), mistake.likely, mistake.remedy
     return _worded(words, what, where, format, dataclasses.replace(ours, **faulty))
 
@@ -286,14 +281,6 @@ def _worded(words: tuple[str, Field, str, str], what: str, where: str, format: s
     few = where.startswith(("joint ", "joints "))
     tag, joints = getattr(field, format, field.label), where if few else "these joints"
     return Finding(what, likely, remedy.format(tag=tag, unit=field.unit, where=joints), id, faulty)
-
-
-def _subject(field: str, where: str) -> str:
-    """Text that names the field and the joints."""
-    label = table().fields[field].label
-    if field in COUPLED_FIELDS:
-        return f"{label.removesuffix(' joints')} {where}"
-    return f"{label} of {where}" if where else label
 
 
 def _instead(field: str, diff: Discrepancy) -> str:
@@ -323,8 +310,7 @@ def _of_joints(field: str, diff: Discrepancy) -> Field:
     return words
 
 
-LOST = 1e-4
-"""Largest relative difference that counts as lost digits if other numbers differ by more."""
+LOST = 1e-4  # largest relative difference that counts as lost digits if other numbers differ by more
 
 
 def lost_digits(differing: Mapping[str, Discrepancy]) -> dict[str, Discrepancy]:

@@ -59,9 +59,11 @@ def _undo_one(
     """Return the displacement of the first displaced joint k, `theirs` without it, and `ours_displaced` with it."""
     sin, off = (float(part[k]) for part in deviations(ours, theirs))
     angle = float(np.arcsin(min(1.0, sin)))
-    before = _moved_by_joint_before(ours, theirs, k, tolerance)
-    motion = None if before is None else _rigid_motion(ours, theirs, before, tolerance)
-    k, motion = (k, _rigid_motion(ours, theirs, k, tolerance)) if before is None or motion is None else (before, motion)
+    before, motion = int(ours.parents[k]), None  # its body may be displaced along or about its axis
+    moved_before = np.linalg.norm(theirs.centers[before] - ours.centers[before]) > tolerance * reach(ours)
+    if before >= 0 and ours.masses[before] > 0 and moved_before:
+        motion = _rigid_motion(ours, theirs, before, tolerance)
+    k, motion = (k, _rigid_motion(ours, theirs, k, tolerance)) if motion is None else (before, motion)
     if _only_axis_moved(ours, theirs, k, tolerance, rigid_behind=motion is not None):
         R = theirs.frames[k]
         axes = theirs.axes[k] @ R, ours.axes[k] @ R
@@ -81,17 +83,14 @@ def _undo_one(
     return frame, _moved_rigidly(theirs, k, R.T, moved, point), _moved_rigidly(ours_displaced, k, R, point, moved)
 
 
-def _moved_by_joint_before(ours: ReadBack, theirs: ReadBack, k: int, tolerance: float) -> int | None:
-    """Parent of joint k if the parent's body is displaced along or about the parent's axis; otherwise None."""
-    before = int(ours.parents[k])
-    moved = np.linalg.norm(theirs.centers[before] - ours.centers[before]) > tolerance * reach(ours)
-    return before if before >= 0 and ours.masses[before] > 0 and moved else None
-
-
 def _only_axis_moved(ours: ReadBack, theirs: ReadBack, k: int, tolerance: float, *, rigid_behind: bool) -> bool:
     """Whether joint k's subtree did not move: its next body and axes or, if not `rigid_behind`, all its bodies."""
-    joints = behind(ours, k)
-    here = ~_moved_bodies(ours, theirs, tolerance)[joints[ours.masses[joints] > 0]]
+    joints, one, other = behind(ours, k), ours.inertias, theirs.inertias
+    # bodies whose centres of mass are displaced or whose principal axes are rotated (the inertias do not commute)
+    square = np.linalg.norm(one, axis=(1, 2)) * np.linalg.norm(other, axis=(1, 2))
+    moved = np.linalg.norm(theirs.centers - ours.centers, axis=1) > tolerance * reach(ours)
+    moved |= np.linalg.norm(one @ other - other @ one, axis=(1, 2)) > tolerance * square
+    here = ~moved[joints[ours.masses[joints] > 0]]
     next_ones = np.flatnonzero(ours.parents == k)
     following = not np.isin(next_ones, displaced_joints(ours, theirs, tolerance)).any()
     return bool(len(here) and ((here[0] and following) or (here.all() and not rigid_behind)))
@@ -104,15 +103,6 @@ def behind(read: ReadBack, k: int) -> Indices:
     for j, before in enumerate(read.parents[k + 1 :].tolist(), k + 1):
         moves[j] = moves[before]
     return np.flatnonzero(moves[:-1])
-
-
-def _moved_bodies(ours: ReadBack, theirs: ReadBack, tolerance: float) -> NDArray[np.bool_]:
-    """Bodies whose centres of mass are displaced or whose principal axes are rotated (the inertias do not commute)."""
-    one, other = ours.inertias, theirs.inertias
-    rotated = np.linalg.norm(one @ other - other @ one, axis=(1, 2))
-    square = np.linalg.norm(one, axis=(1, 2)) * np.linalg.norm(other, axis=(1, 2))
-    away = np.linalg.norm(theirs.centers - ours.centers, axis=1)
-    return np.asarray((away > tolerance * reach(ours)) | (rotated > tolerance * square))
 
 
 def _with_rows_of(read: ReadBack, other: ReadBack, rows: int | slice, fields: Sequence[str], **more: Any) -> ReadBack:

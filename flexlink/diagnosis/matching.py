@@ -47,7 +47,12 @@ def match_joints(ours: ReadBack, theirs: ReadBack) -> Match | tuple[str, str]:
         what = f"the base {'floats' if floats[1] else 'is fixed'} in the file, but not in the scene"
         return what, "make them alike: flexlink import --free-base, or base.kind in the scene"
     if ours.n != theirs.n:
-        return _other_joints(ours, theirs), "check segments, locked joints and grippers"
+        what = f"{theirs.n} joints instead of {ours.n}"
+        for words, one, other in (("without", ours, theirs), ("with", theirs, ours)):
+            names = [repr(name) for name in one.names if name not in other.names]
+            if names:
+                what += f", {words} {', '.join(names[:4])}{' …' if len(names) > 4 else ''}"
+        return what, "check segments, locked joints and grippers"
     if sorted(paired) == list(range(theirs.n)):
         order = np.array(paired, dtype=np.intp)
     elif sequence is None:
@@ -77,15 +82,6 @@ def _paired(ours: ReadBack, theirs: ReadBack) -> list[int]:
     count = Counter(theirs.bodies[k] for k in left)
     moves = {theirs.bodies[k]: k for k in left if count[theirs.bodies[k]] == 1}
     return [named.get(name, moves.get(body, -1)) for name, body in zip(ours.names, ours.bodies, strict=True)]
-
-
-def _other_joints(ours: ReadBack, theirs: ReadBack) -> str:
-    message = f"{theirs.n} joints instead of {ours.n}"
-    for words, one, other in (("without", ours, theirs), ("with", theirs, ours)):
-        names = [repr(name) for name in one.names if name not in other.names]
-        if names:
-            message += f", {words} {', '.join(names[:4])}{' …' if len(names) > 4 else ''}"
-    return message
 
 
 def _from_base_to_tip(theirs: ReadBack) -> Indices | None:

@@ -92,19 +92,15 @@ class TrajectoryComparison:
             lines.append(f"{row.engine:<12}{numbers}{verdict:<8}{row.joint} at t = {row.time:g} s")
         lines += [f"{row.engine}: {row.diverged}" for row in self.rows if row.diverged]
         if any(row.explained > MEANINGFUL_TOLERANCE for row in self.rows):
-            lines.append(
-                "warning: this motion amplifies rounding so much that agreement means little; compare a shorter run"
-            )
+            means = "this motion amplifies rounding so much that agreement means little; compare a shorter run"
+            lines.append(f"warning: {means}")
         return "\n".join([*lines, *(f"not compared: {reason}" for reason in self.refused)])
 
 
 def compare_trajectories(
-    scene: Scene,
-    *,
-    engines: Sequence[str] | None = None,
-    duration: float | None = None,
+    scene: Scene, *, engines: Sequence[str] | None = None, duration: float | None = None,
     progress: Callable[[float], None] | None = None,
-) -> TrajectoryComparison:
+) -> TrajectoryComparison:  # fmt: skip
     """Simulate a scene with all its loads and motions in several engines, and compare them with flexlink.
 
     All engines take the same steps: the scene's steps if they are fixed steps of an explicit method, otherwise stable

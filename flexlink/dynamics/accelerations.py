@@ -31,8 +31,7 @@ SOLVERS: dict[ForwardSolver, solvers.Solver] = {
 }  # fmt: skip
 
 
-PITCH = BASE_AXES.index(1)
-"""Index of the free base's rotation about Y among the coordinates."""
+PITCH = BASE_AXES.index(1)  # index of the free base's rotation about Y among the coordinates
 
 
 def forward_dynamics(
@@ -85,8 +84,7 @@ def forward_dynamics(
         if accelerations(chain)(NO_WRENCH, q, qd, tau, qdd) and not base_without_rates(chain, q):
             return qdd
     if not isinstance(chain, Chain) or batch:
-        chains = _of_one_layout(chain)
-        return _forward_dynamics_of_many(chains, solver_for(chains[0], solver), tip_wrench, frame, q, qd, tau)
+        return _forward_dynamics_of_many(chain, solver, tip_wrench, frame, q, qd, tau)
     n, kernel = chain.n, solver_for(chain, solver)
     q, qd, tau = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("tau", tau, n, many=True)
     wrench = world_wrench(chain, q, tip_wrench, frame)
@@ -128,27 +126,20 @@ def _no_acceleration(chain: Chain, *state: Any) -> FlexlinkError:
     return no_acceleration(chain, *state)
 
 
-def _of_one_layout(chain: Chain | Sequence[Chain]) -> Sequence[Chain]:
+def _forward_dynamics_of_many(
+    chain: Chain | Sequence[Chain], solver: str, tip_wrench: ArrayLike | None, frame: Frame, *state: ArrayLike
+) -> Array:
     chains = [chain] if isinstance(chain, Chain) else require_each("chain", chain, Chain)
     if not chains:
         raise ArgumentError("chain: no chain given; expected one, or one per state", id="wrong-shape")
     for k, other in enumerate(chains):
         if not chains[0].same_layout(other):
-            raise ArgumentError(
-                f"chain[{k}]: joints or bodies differ from chain[0]; only their values may differ", id="chains-differ"
-            )
-    return chains
-
-
-def _forward_dynamics_of_many(
-    chains: Sequence[Chain], solver: solvers.Solver, tip_wrench: ArrayLike | None, frame: Frame, *state: ArrayLike
-) -> Array:
-    n = chains[0].n
+            why = f"chain[{k}]: joints or bodies differ from chain[0]; only their values may differ"
+            raise ArgumentError(why, id="chains-differ")
+    n, kernel = chains[0].n, solver_for(chains[0], solver)
     if not is_batch(*state):
-        raise ArgumentError(
-            f"q, qd, tau: a list of chains needs one state per chain; give at least one of them as (b, {n})",
-            id="wrong-shape",
-        )
+        why = f"q, qd, tau: a list of chains needs one state per chain; give at least one of them as (b, {n})"
+        raise ArgumentError(why, id="wrong-shape")
     states = rows(n, dict(zip(("q", "qd", "tau"), state, strict=True)))
     b = len(states[0])
     if len(chains) not in {1, b}:
@@ -164,11 +155,11 @@ def _forward_dynamics_of_many(
     for k, q in enumerate(states[0] if chains[0].has_free_base else ()):
         if error := base_without_rates(chains[k % len(chains)], q):
             raise about_state(k, error)
-    qdd = _side_by_side(chains, solver, [wrenches, *states])
+    qdd = _side_by_side(chains, kernel, [wrenches, *states])
     if not is_finite(qdd.reshape(-1)):
         k = int(np.argmin(np.isfinite(qdd).all(axis=1)))
         culprit = chains[k % len(chains)]
-        raise about_state(k, _no_acceleration(culprit, solver, wrenches[k], *(part[k] for part in states)))
+        raise about_state(k, _no_acceleration(culprit, kernel, wrenches[k], *(part[k] for part in states)))
     return qdd
 
 

@@ -42,9 +42,8 @@ def rows(n: int, state: dict[str, ArrayLike]) -> list[Array]:
             raise ArgumentError(f"{name} has shape {part.shape}; expected ({n},), or {many}", id="wrong-shape")
         if not is_finite(part.reshape(-1)):
             index = tuple(int(k) for k in np.argwhere(~np.isfinite(part))[0])
-            raise ArgumentError(
-                f"{name}{list(index)} = {part[index]} is not finite; expected finite numbers", id="not-finite"
-            )
+            why = f"{name}{list(index)} = {part[index]} is not finite; expected finite numbers"
+            raise ArgumentError(why, id="not-finite")
     return [part if part.ndim > 1 else np.array(np.broadcast_to(part, (b, n))) for part in parts.values()]
 
 
@@ -59,9 +58,8 @@ def wrench_rows(tip_wrench: ArrayLike | None, b: int) -> Array:
         return np.tile(wrench_vector(tip_wrench), (b, 1))
     wrenches = real_array("tip_wrench", tip_wrench, (6,))
     if wrenches.shape != (b, 6):
-        raise ArgumentError(
-            f"tip_wrench has shape {wrenches.shape}; expected (6,), or ({b}, 6), one row per state", id="wrong-shape"
-        )
+        why = f"tip_wrench has shape {wrenches.shape}; expected (6,), or ({b}, 6), one row per state"
+        raise ArgumentError(why, id="wrong-shape")
     return np.array([vector(f"tip_wrench[{k}]", row, 6) for k, row in enumerate(wrenches)]).reshape(b, 6)
 
 

@@ -134,9 +134,8 @@ def momentum(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Momentum:
     """
     n = require_type("chain", chain, Chain).n
     if not chain.mass:
-        raise ArgumentError(
-            f"chain {chain.name!r}: no body has mass, so it has no centre of mass; add a mass", id="no-mass"
-        )
+        why = f"chain {chain.name!r}: no body has mass, so it has no centre of mass; add a mass"
+        raise ArgumentError(why, id="no-mass")
     if is_batch(q, qd):
         return momentum_of_states(chain, *rows(n, {"q": q, "qd": qd}))
     found = momentum_of_states(chain, vector("q", q, n, many=True)[None], vector("qd", qd, n, many=True)[None])

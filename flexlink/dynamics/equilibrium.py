@@ -168,8 +168,7 @@ def known_decimals(chain: Chain, q: Array, free: NDArray[np.intp], qd: Array, wr
     return [(i, math.ceil(math.log10(min(k[i] / open_[i], 1e300)))) for i in sprung.tolist()]
 
 
-POSTURES = Memo(64)
-"""Cache of static equilibria, shared by the runs of one scene when they start."""
+POSTURES = Memo(64)  # cache of static equilibria, shared by the runs of one scene when they start
 
 
 def static_posture(chain: Chain, q: Array, wrench: Array, frame: Frame) -> Array:

@@ -49,7 +49,11 @@ def linear_filter(filters: tuple[Filter, ...]) -> LinearFilter:
     """Matrices of filters in series."""
     A, B, C, D = np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0
     for ω, b, a in (section for each in filters for section in _sections(each)):
-        own = _companion(ω, b, a)
+        n = len(a) - 1  # the section in companion form; a[0] = 1
+        own_A, own_B = np.eye(n, k=1), np.zeros(n)
+        if n:
+            own_A[-1], own_B[-1] = -a[:0:-1], 1.0
+        own = LinearFilter(ω * own_A, ω * own_B, (b - b[0] * a)[:0:-1], float(b[0]))
         A = np.block([[A, np.zeros((len(B), len(own.B)))], [np.outer(own.B, C), own.A]])
         B, C, D = np.concatenate([B, own.B * D]), np.concatenate([own.D * C, own.C]), own.D * D
     for array in (A, B, C):
@@ -78,15 +82,6 @@ def _scaled(numerator: Sequence[float], denominator: Sequence[float]) -> tuple[f
     b, a = np.zeros(n + 1), np.array(denominator)
     b[max(n + 1 - len(numerator), 0) :] = numerator[-(n + 1) :]
     return ω, b / scale, a / scale
-
-
-def _companion(ω: float, b: Array, a: Array) -> LinearFilter:
-    """Return a section in companion form; a[0] = 1."""
-    n = len(a) - 1
-    A, B = np.eye(n, k=1), np.zeros(n)
-    if n:
-        A[-1], B[-1] = -a[:0:-1], 1.0
-    return LinearFilter(ω * A, ω * B, (b - b[0] * a)[:0:-1], float(b[0]))
 
 
 @functools.lru_cache(maxsize=1024)

@@ -22,12 +22,9 @@ from flexlink.kernels.forward.mass_plus_shapes import ShapedPosture
 from flexlink.kernels.geometry.kinematics import attitudes, rates_of_angles
 from flexlink.kernels.tools.machine_code import direct
 
-FAR = 0.5
-"""Angle of a base [rad] at which its reference attitude is changed."""
-BODY = 1
-"""Index of the base in `bodies`."""
-ANGLES = slice(3, 6)
-"""Indices of the base's angles among the coordinates."""
+FAR = 0.5  # angle of a base [rad] at which its reference attitude is changed
+BODY = 1  # index of the base in `bodies`
+ANGLES = slice(3, 6)  # indices of the base's angles among the coordinates
 References = list[tuple[int, Array]]  # reference attitudes of a run, each with the index of its first sample
 
 

@@ -29,16 +29,11 @@ from flexlink.kernels.tools.finite import is_finite
 FIRST_ARC = 0.5
 """Length of the first arc [rad], the root of the sum of squares over all joints; displacements of sliding joints are
 relative to the arm's length."""
-LARGEST_ARC = 1.0
-"""Largest length of an arc [rad]."""
-SMALLEST_ARC = 1e-6
-"""Length of an arc [rad] below which the path is given up as lost."""
-CORRECTIONS = 12
-"""Largest number of Newton steps of a corrector."""
-WANTED = 6
-"""Number of Newton steps below which the next arc may be longer."""
-STEPS = 500
-"""Largest number of points of a path."""
+LARGEST_ARC = 1.0  # largest length of an arc [rad]
+SMALLEST_ARC = 1e-6  # length of an arc [rad] below which the path is given up as lost
+CORRECTIONS = 12  # largest number of Newton steps of a corrector
+WANTED = 6  # number of Newton steps below which the next arc may be longer
+STEPS = 500  # largest number of points of a path
 TRIES = (1.0, 0.2), (0.1, 0.2), (1.0, 3.0)
 """Successive tries: factor on the arc length, and the largest distance that a corrector may move, relative to the arc.
 The last pair is for free joints without springs, whose path may begin with a jump."""

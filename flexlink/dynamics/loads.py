@@ -107,16 +107,10 @@ def internal_loads(
     """
     if is_batch(q, qd, qdd):
         return each(internal_loads, chain, {"q": q, "qd": qd, "qdd": qdd}, tip_wrench=tip_wrench, frame=frame)
-    n = require_type("chain", chain, Chain).n
-    q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
+    size = require_type("chain", chain, Chain).n
+    given = zip(("q", "qd", "qdd"), (q, qd, qdd), strict=True)
+    q, qd, qdd = (vector(name, part, size, many=True) for name, part in given)
     wrench = world_wrench(chain, q, tip_wrench, frame)
-    found = _cut(chain, q, qd, qdd, wrench)
-    if not all(is_finite(part.reshape(-1)) for part in (found.force, found.moment, found.hinge_moment)):
-        raise beyond_float64("an internal load", q=q, qd=qd, qdd=qdd, tip_wrench=wrench, gravity=chain.gravity)
-    return found
-
-
-def _cut(chain: Chain, q: Array, qd: Array, qdd: Array, wrench: Array) -> InternalLoads:
     bodies = chain.bodies
     R, p, axes, _, ω, a, α, _ = body_motion(chain, q, qd, qdd)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -138,7 +132,10 @@ def _cut(chain: Chain, q: Array, qd: Array, qdd: Array, wrench: Array) -> Intern
         inward = -(R @ chain.described["section"]).transpose(0, 2, 1)
         moved = hinge_bodies(chain)
         about_axes = -(axes * np.where(chain.slides[:, None], f[moved], n[moved])).sum(axis=1)
-        return InternalLoads(_each_by(inward, f), _each_by(inward, n), about_axes)
+        found = InternalLoads(_each_by(inward, f), _each_by(inward, n), about_axes)
+    if not all(is_finite(part.reshape(-1)) for part in (found.force, found.moment, found.hinge_moment)):
+        raise beyond_float64("an internal load", q=q, qd=qd, qdd=qdd, tip_wrench=wrench, gravity=chain.gravity)
+    return found
 
 
 def _each_by(matrices: Array, vectors: Array) -> Array:

@@ -155,8 +155,7 @@ def _unused(scene: Scene) -> Iterator[Diagnostic]:
             yield Diagnostic(f"{key}; {why}", "no-effect")
 
 
-Unused = Iterator[tuple[str, str]]
-"""What has no effect, and why."""
+Unused = Iterator[tuple[str, str]]  # what has no effect, and why
 
 
 def _unused_drive(scene: Scene) -> Unused:
@@ -193,10 +192,8 @@ def _tip_without_length(scene: Scene) -> Iterator[Diagnostic]:
     others = ", ".join(repr(arm.links[number - 1].name) for number in arm.tips[:-1])
     where = f"at {last.name!r}, the last link, which has zero length; other tips: {others}"
     if arm.tip.mass or any(arm.tip.inertia):
-        yield Diagnostic(
-            f"tip: the payload is {where}; move it to the end of another link, or list that link last",
-            "tip-without-length",
-        )
+        text = f"tip: the payload is {where}; move it to the end of another link, or list that link last"
+        yield Diagnostic(text, "tip-without-length")
     if scene.wrench.acts and not scene.wrench.on:
         yield Diagnostic(f"wrench: acts {where}; set wrench.on to choose another", "tip-without-length")
 
@@ -204,10 +201,8 @@ def _tip_without_length(scene: Scene) -> Iterator[Diagnostic]:
 def _falling_base(scene: Scene) -> Iterator[Diagnostic]:
     """A free base falls under the default gravity, which is easily forgotten for an arm in orbit."""
     if scene.arm.base.free and any(scene.gravity) and not scene.wrench.acts:
-        yield Diagnostic(
-            f"gravity = {list(scene.gravity)}: the free base is unsupported and falls; for an orbit set [0, 0, 0]",
-            "base-falls",
-        )
+        text = f"gravity = {list(scene.gravity)}: the free base is unsupported and falls; for an orbit set [0, 0, 0]"
+        yield Diagnostic(text, "base-falls")
 
 
 def _few_hinges(scene: Scene) -> Iterator[Diagnostic]:
@@ -216,9 +211,8 @@ def _few_hinges(scene: Scene) -> Iterator[Diagnostic]:
     for sensor in scene.sensor:
         if sensor.kind == "strain" and (found := len(placed[scene.arm.number(sensor.link) - 1][0])) < ENOUGH_HINGES:
             course = "1 hinge, so its strain is constant" if found == 1 else "2 hinges, so its strain varies linearly"
-            yield Diagnostic(
-                f"sensor.{sensor.name}: link {sensor.link!r} has only {course}; use 5 segments or more", "few-hinges"
-            )
+            text = f"sensor.{sensor.name}: link {sensor.link!r} has only {course}; use 5 segments or more"
+            yield Diagnostic(text, "few-hinges")
 
 
 def _centers_without_mass(scene: Scene) -> Unused:
@@ -251,10 +245,8 @@ def _idle(link: Link) -> Iterator[tuple[str, object, str]]:
                 yield f"joint.{key}", value, f"the joint of {link.name!r} is locked"
 
 
-VISIBLE_DROP = 1e-4
-"""Smallest drop of the tip that is reported, relative to the size of the arm."""
-MAX_JOINTS = 300
-"""Number of joints above which eigenvalues take seconds and stability is not checked."""
+VISIBLE_DROP = 1e-4  # smallest drop of the tip that is reported, relative to the size of the arm
+MAX_JOINTS = 300  # number of joints above which eigenvalues take seconds and stability is not checked
 BALANCED = 2e-3
 """Gravity torque below which a joint hardly moves, relative to the largest torque that the arm's weight can exert."""
 
@@ -361,10 +353,8 @@ def balance(scene: Scene) -> Iterator[Diagnostic]:
         K = stiffness_matrix(chain, q, np.zeros(chain.n), np.zeros(6))
         unstable = bool(np.isfinite(K).all() and np.linalg.eigvalsh(K)[0] < 0)
     how = "in unstable equilibrium and hardly moves for a long time" if unstable else "in equilibrium and stays there"
-    yield Diagnostic(
-        f"initial.joint_deg = {list(initial.joint_deg)}: the arm starts {how}; change the angles, or apply a load",
-        "unstable-equilibrium" if unstable else "equilibrium",
-    )
+    text = f"initial.joint_deg = {list(initial.joint_deg)}: the arm starts {how}; change the angles, or apply a load"
+    yield Diagnostic(text, "unstable-equilibrium" if unstable else "equilibrium")
 
 
 def _angles(scene: Scene, chain: Chain) -> Array:

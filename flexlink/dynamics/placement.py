@@ -184,8 +184,7 @@ def jacobian(
     return Jacobian.of_read_only(linear=found[0], angular=found[1])
 
 
-ORIGIN = np.zeros(3)
-"""The origin of a body's frame; it stays writable, as the compiled function expects."""
+ORIGIN = np.zeros(3)  # the origin of a body's frame; it stays writable, as the compiled function expects
 
 
 @bound

@@ -27,8 +27,7 @@ from flexlink.dynamics.result import Result
 from flexlink.kernels.geometry.kinematics import forward_kinematics
 from flexlink.kernels.tools.finite import is_finite
 
-BATCH = 1000
-"""Number of states processed at once, which takes a few MB."""
+BATCH = 1000  # number of states processed at once, which takes a few MB
 
 
 class BodyMotion(NamedTuple):
@@ -193,8 +192,7 @@ def _in_axes_of(R: Array, v: Array) -> Array:
 
 # Derivatives of `point_motion`: how the motion of a point changes with angles, rates and accelerations.
 #
-# Hinge j has the axis e_j through p_j. The part inboard of it moves with ω, α; the part outboard turns about it
-# rigidly:
+# Hinge j has the axis e_j through p_j. The part inboard moves with ω, α; the part outboard turns about it rigidly:
 #
 #     ∂p = e × r        ∂v = ω × (e × r) + e × u        ∂ω_P = e × (ω_P − ω)                  by q_j, with r = p − p_j
 #     ∂a = α × (e × r) + ω × (ω × (e × r)) + 2 ω × (e × u) + e × w
@@ -202,8 +200,7 @@ def _in_axes_of(R: Array, v: Array) -> Array:
 #     ∂a = e × r                                                                              by q̈_j
 #
 # ω_P is the angular velocity of the point's body; u and w are velocity and acceleration of the point relative to the
-# inboard part. For a sliding joint, which shifts the
-# outboard part, replace e × r by e, and e × u, e × w and ∂ω_P by 0.
+# inboard part. For a sliding joint, which shifts the outboard part, replace e × r by e, and e × u, e × w and ∂ω_P by 0.
 
 
 def point_slopes(
@@ -227,11 +224,10 @@ def point_slopes(
     by_angle = cross(α, shift) + cross(ω, cross(ω, shift) + 2 * swung) + cross(turn, w)
     seen_by_angle = by_angle - cross(turn, a - chain.gravity)  # the axes of the sensor turn as well
     spun = -cross(turn, np.broadcast_to(ω, turn.shape))
-    accelerometer = _in(R, seen_by_angle), _in(R, 2 * (cross(ω, shift) + swung)), _in(R, shift)
     return {
         "position": (np.ascontiguousarray(shift.T),),
         "gyroscope": (_in(R, spun), _in(R, turn)),
-        "accelerometer": accelerometer,
+        "accelerometer": (_in(R, seen_by_angle), _in(R, 2 * (cross(ω, shift) + swung)), _in(R, shift)),
     }
 
 

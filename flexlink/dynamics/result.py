@@ -86,9 +86,8 @@ class SavedResult(Result):
         fields = dataclasses.fields(cls)  # type: ignore[arg-type]
         needed = {field.name for field in fields if field.default is dataclasses.MISSING}
         if not needed <= arrays.keys() <= {field.name for field in fields}:
-            raise DataFileError(
-                f"{path}: contains no {cls.__name__}; expected a file written by {cls.__name__}.save", id="not-a-result"
-            )
+            why = f"{path}: contains no {cls.__name__}; expected a file written by {cls.__name__}.save"
+            raise DataFileError(why, id="not-a-result")
         return cls(**{name: _field(array) for name, array in arrays.items()})
 
 

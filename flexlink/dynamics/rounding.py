@@ -54,8 +54,7 @@ from flexlink.kernels.forces.rotation_springs import stretches
 from flexlink.kernels.geometry.kinematics import arm_length, forward_kinematics
 
 EPS = float(np.finfo(np.float64).eps)
-ROUNDINGS = 10
-"""Number of roundings at one hinge."""
+ROUNDINGS = 10  # number of roundings at one hinge
 
 
 def of_mass_matrix(chain: Chain, q: ArrayLike) -> float:
@@ -162,20 +161,15 @@ def _inertial(chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tip_wre
     inertia, weight, lever, axes = _sizes(chain, q)
     force = np.linalg.norm(wrench_vector(tip_wrench).reshape(2, 3), axis=1)
     rates, slides = vector("qd", qd, chain.n), chain.slides
-    squares = (_spins(chain, rates[:, None] * axes) ** 2).sum(axis=1)
+    turned, own = rates[:, None] * axes, np.zeros((len(chain.bodies), 3))
+    np.add.at(own, hinge_bodies(chain)[~slides], turned[~slides])
+    # ω outboard of every hinge; for a tree, ω of every body
+    spins = np.cumsum(turned, axis=0) if chain.is_serial_revolute else sums_outward(spans_of(chain.bodies), own)
+    squares = (spins**2).sum(axis=1)
     turning = np.abs(vector("qdd", qdd, chain.n)).sum() + squares.max()
     if slides.any():  # Coriolis acceleration 2 ω × v of sliding joints
         turning += 2 * np.sqrt(squares.max()) * np.abs(rates[slides]).sum()
     return float(inertia * turning + weight + force[0] * lever + force[1])
-
-
-def _spins(chain: Chain, turned: Array) -> Array:
-    """ω outboard of every hinge, from the hinge rates, (n, 3); for a tree, ω of every body."""
-    if chain.is_serial_revolute:
-        return np.cumsum(turned, axis=0)
-    own = np.zeros((len(chain.bodies), 3))
-    np.add.at(own, hinge_bodies(chain)[~chain.slides], turned[~chain.slides])
-    return sums_outward(spans_of(chain.bodies), own)
 
 
 def _sizes(chain: Chain, q: ArrayLike) -> tuple[float, float, float, Array]:

@@ -17,8 +17,7 @@ from flexlink.kernels.derivatives.small_motion_cells import cells_workspace
 from flexlink.kernels.derivatives.small_motion_factors import factor, solve
 from flexlink.kernels.forces.elements import POTENTIALS
 
-K_ALONE, C_ALONE, M_ALONE = np.eye(3)
-"""Weights that select one matrix in the weighted sum of K, C and M."""
+K_ALONE, C_ALONE, M_ALONE = np.eye(3)  # weights that select one matrix in the weighted sum of K, C and M
 
 SMALLEST = 1e-8
 """Smallest pivot, relative to the terms of its row, that is eliminated; it leaves half of all digits correct."""
@@ -49,17 +48,13 @@ class SmallMotion:
         self.sizes = np.zeros(chain.n)  # magnitude of the terms in each row of the eliminated matrix
 
     def set_position(self, q: Array) -> None:
-        """Change the configuration to q (n,)."""
+        """Change the configuration to q (n,), and the stiffness to the tangent stiffness there."""
         if (sprung := about(self._chain, q)) is not self._chain:
-            self._bend(sprung)
+            self._diagonals[0], self._couplings = sprung.stiffness, sprung.couplings
+            self._work = self._work._replace(chain=sprung.arrays)
         wrench, follower, qd = self._state
         set_state(self._work, wrench, follower, q, qd)
         self._q = q
-
-    def _bend(self, sprung: Chain) -> None:
-        """Use the stiffness of `sprung`, the chain with its tangent stiffness at a configuration."""
-        self._diagonals[0], self._couplings = sprung.stiffness, sprung.couplings
-        self._work = self._work._replace(chain=sprung.arrays)
 
     @property
     def _matrix(self) -> Any:

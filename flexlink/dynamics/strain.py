@@ -95,9 +95,8 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
     number = arm.number(link)
     bent, (y, z) = arm.links[number - 1], vector("fibre", fibre, 2)
     if not AXES[bent.flex]:
-        raise ArgumentError(
-            f"link = {link!r}: is rigid; expected a link that bends, with flex z, yz or xyz", id="link-is-rigid"
-        )
+        why = f"link = {link!r}: is rigid; expected a link that bends, with flex z, yz or xyz"
+        raise ArgumentError(why, id="link-is-rigid")
     angles = rows(chain.n, {"q": q})[0] if is_batch(q) else vector("q", q, chain.n, many=True)
     nodes, weights = hinges_of(arm)[number - 1]
     rule, length = lumping_rule(bent.lumping), bent.beam.length

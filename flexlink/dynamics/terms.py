@@ -137,9 +137,8 @@ def bias_torque(
     >>> print(fl.bias_torque(chain, q, qd)[chain.active].round(2))  # N m; at rest the gravity torque
     [77.6  30.31]
     """
-    return inverse_dynamics(
-        chain, q, qd, np.zeros(require_type("chain", chain, Chain).n), tip_wrench=tip_wrench, frame=frame
-    )
+    still = np.zeros(require_type("chain", chain, Chain).n)
+    return inverse_dynamics(chain, q, qd, still, tip_wrench=tip_wrench, frame=frame)
 
 
 def gravity_torque(chain: Chain, q: ArrayLike) -> Array:
@@ -291,10 +290,8 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> 
     n, kernel = require_type("chain", chain, Chain).n, require_one_of("algorithm", algorithm, MASS_ALGORITHMS)
     if algorithm not in algorithms_of(chain):
         allowed = " or ".join(map(repr, algorithms_of(chain)))
-        raise ArgumentError(
-            f"algorithm = {algorithm!r}: requires an unbranched arm without sliding joints; use {allowed}",
-            id="not-supported-here",
-        )
+        why = f"algorithm = {algorithm!r}: requires an unbranched arm without sliding joints; use {allowed}"
+        raise ArgumentError(why, id="not-supported-here")
     if batch:
         if kernel is mass.mass_composite:
             found: Array = mass.mass_of_many(chain.arrays, *rows(n, {"q": q}))
@@ -305,9 +302,8 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> 
     M = np.zeros((n, n))
     trace = kernel(chain.arrays, q, M)
     if not math.isfinite(trace):
-        raise ArgumentError(
-            f"the mass matrix of {chain.name!r} overflows float64; use smaller masses and lengths", id="overflow"
-        )
+        why = f"the mass matrix of {chain.name!r} overflows float64; use smaller masses and lengths"
+        raise ArgumentError(why, id="overflow")
     return M
 
 

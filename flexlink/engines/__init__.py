@@ -59,14 +59,12 @@ def load(name: str, chain: Chain) -> Engine:
     EngineError
         The engine's child process ended.
     """
-    isolated = require_one_of("engine", name, ENGINES).isolated
+    adapter = require_one_of("engine", name, ENGINES)
     require_type("chain", chain, Chain)
     if name != "native":
         refuse_states(chain, "other engines do not support it")
         refuse_shapes(chain, f"engine {name!r}")
-    if isolated:
-        return IsolatedEngine(name, chain)
-    return load_here(name, chain)
+    return IsolatedEngine(name, chain) if adapter.isolated else load_here(name, chain)
 
 
 def load_here(name: str, source: Chain | ForeignFile) -> Engine:
@@ -75,10 +73,8 @@ def load_here(name: str, source: Chain | ForeignFile) -> Engine:
     try:
         module = importlib.import_module(adapter.module)
     except ImportError as error:
-        raise MissingDependencyError(
-            f"engine {name!r} cannot be imported ({error}); install it with: {how_to_install(adapter.extra)}",
-            id="package-missing",
-        ) from error
+        why = f"engine {name!r} cannot be imported ({error}); install it with: {how_to_install(adapter.extra)}"
+        raise MissingDependencyError(why, id="package-missing") from error
     cls = getattr(module, adapter.class_name)
     foreign = isinstance(source, ForeignFile)
     if not foreign and not adapter.holds:

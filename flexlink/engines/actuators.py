@@ -53,11 +53,8 @@ def mark_unspecified(read: ReadBack) -> ReadBack:
 def taken_from_scene(ours: ReadBack, read: ReadBack) -> frozenset[str]:
     """Actuator fields that the scene specifies but the file does not."""
     nothing = no_actuators(ours.n)
-    return frozenset(
-        field
-        for field in ACTUATOR_FIELDS
-        if field in read.unspecified - ours.unspecified and not np.array_equal(getattr(ours, field), nothing[field])
-    )
+    given = {field for field in ACTUATOR_FIELDS if not np.array_equal(getattr(ours, field), nothing[field])}
+    return (read.unspecified - ours.unspecified) & given
 
 
 def not_compared(ours: ReadBack, read: ReadBack, order: Indices) -> str:
@@ -74,12 +71,9 @@ def not_compared(ours: ReadBack, read: ReadBack, order: Indices) -> str:
         actuators.append("motors at " + _listed([f"{ours.names[k]!r} (gear {gear[k]:g})" for k in geared]))
     limited = np.flatnonzero(np.isfinite(effort).any(axis=1))
     if len(limited):
-        actuators.append("torque limits at " + _listed([_limited(ours, int(k), effort[k]) for k in limited]))
+        named = [f"{ours.names[k]!r} ({limits(effort[k], slides=bool(ours.slides[k]))})" for k in limited]
+        actuators.append("torque limits at " + _listed(named))
     return "; ".join(actuators)
-
-
-def _limited(ours: ReadBack, k: int, effort: Array) -> str:
-    return f"{ours.names[k]!r} ({limits(effort, slides=bool(ours.slides[k]))})"
 
 
 def limits(effort: Array, *, slides: bool) -> str:

@@ -162,19 +162,15 @@ def refuse_sampled_inputs(engine: str, scene: Scene) -> None:
         unsupported.append("drive.reference with jumps in its derivatives")
     unsupported += [f"initial.time = {scene.initial.time!r}"] if scene.initial.time else []
     if unsupported:
-        raise ArgumentError(
-            f"{unsupported[0]}: not supported by {engine}; use native, pinocchio or mujoco",
-            id="engine-does-not-support",
-        )
+        why = f"{unsupported[0]}: not supported by {engine}; use native, pinocchio or mujoco"
+        raise ArgumentError(why, id="engine-does-not-support")
 
 
 def refuse_method(engine: str, method: str, known: Collection[str]) -> None:
     """Refuse an integration method that the engine does not have."""
     if method not in known:
-        raise ArgumentError(
-            f"method = {method!r}: {engine} supports only {' and '.join(map(repr, known))}; set run.method",
-            id="engine-method",
-        )
+        why = f"method = {method!r}: {engine} supports only {' and '.join(map(repr, known))}; set run.method"
+        raise ArgumentError(why, id="engine-method")
 
 
 def refuse_held_joints(engine: str, chain: Chain) -> None:
@@ -192,15 +188,12 @@ def fixed_steps_problem(scene: Scene, engine: str = "") -> InitialValueProblem:
     """Return the problem of a scene that other engines can also integrate; a named `engine` holds no joints."""
     problem = problem_of(scene)
     if unknown := problem.chain.forces.keys() - {"drag"}:
-        raise ArgumentError(
-            f"{scene.name}: other engines do not support {', '.join(sorted(unknown))}; remove it from the scene",
-            id="arguments-not-counted",
-        )
+        why = f"{scene.name}: other engines do not support {', '.join(sorted(unknown))}; remove it from the scene"
+        raise ArgumentError(why, id="arguments-not-counted")
     if not problem.explicit:
-        raise ArgumentError(
-            f"method = {scene.run.method!r}: other engines need fixed steps of an explicit method; set method and step",
-            id="engine-method",
-        )
+        method = scene.run.method
+        why = f"method = {method!r}: other engines need fixed steps of an explicit method; set method and step"
+        raise ArgumentError(why, id="engine-method")
     check_step(problem)
     if engine:
         refuse_held_joints(engine, problem.chain)

@@ -114,9 +114,8 @@ class ChildProcess:
         if code == -signal.SIGINT:
             return KeyboardInterrupt()  # a terminal sends the signal to both processes
         if self._late:
-            return EngineError(
-                f"{what}: no result within {seconds:g} s; the child process was killed", id="engine-timeout"
-            )
+            why = f"{what}: no result within {seconds:g} s; the child process was killed"
+            return EngineError(why, id="engine-timeout")
         how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
         last = next((line for line in reversed(self.output()) if line), "none")
         return EngineError(f"{what}: the child process {how}; last line of its output: {last}", id="engine-crashed")
@@ -173,7 +172,9 @@ class IsolatedEngine:
 
     def __init__(self, name: str, source: Chain | ForeignFile) -> None:
         self.name, self._source = name, source.name if isinstance(source, Chain) else str(source.path)
-        self._child = _child_for(name)
+        child = _idle.pop((name, os.getpid()), None)
+        self._child = child if child is not None and child.alive else ChildProcess()
+        self._child.forget_output()
         weakref.finalize(self, _keep, name, self._child)
         try:
             self.version, self.n = self._call("load", _load, name, source)
@@ -208,14 +209,6 @@ class IsolatedEngine:
 
 
 _idle: dict[tuple[str, int], ChildProcess] = {}  # key: engine name and process id; a forked process needs its own
-
-
-def _child_for(name: str) -> ChildProcess:
-    child = _idle.pop((name, os.getpid()), None)
-    if child is None or not child.alive:
-        return ChildProcess()
-    child.forget_output()
-    return child
 
 
 def _keep(name: str, child: ChildProcess) -> None:

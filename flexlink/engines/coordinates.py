@@ -26,10 +26,10 @@ BASE_JOINTS = tuple(f"{BASE}.{name}" for name in BASE_NAMES)
 class Floating(NamedTuple):
     """An engine's convention for the pose and velocity of a floating base, which precedes all other joints."""
 
-    velocity_in_base: bool  # whether the velocity is in axes of the base; otherwise in axes of frame 0
-    spin_in_base: bool  # whether the spin is in axes of the base; otherwise in axes of frame 0
-    turn_first: bool  # whether quaternion and spin come before position and velocity
-    scalar_first: bool  # whether the quaternion is (w, x, y, z); otherwise (x, y, z, w)
+    velocity_in_base: bool = False  # whether the velocity is in axes of the base; otherwise in axes of frame 0
+    spin_in_base: bool = False  # whether the spin is in axes of the base; otherwise in axes of frame 0
+    turn_first: bool = False  # whether quaternion and spin come before position and velocity
+    scalar_first: bool = False  # whether the quaternion is (w, x, y, z); otherwise (x, y, z, w)
 
 
 class Coordinates:
@@ -40,7 +40,7 @@ class Coordinates:
     """
 
     def __init__(self, order: Indices, reference: Array | None = None, floating: Floating | None = None) -> None:
-        self.order, self.reference, self._floating = order, reference, floating
+        self.order, self.reference, self._layout = order, reference, floating or Floating()
         self._own = 0 if reference is None else JOINTS  # number of joints of the base
         self.plain = reference is None and np.array_equal(order, np.arange(len(order)))
 
@@ -104,11 +104,6 @@ class Coordinates:
         if drift is not None:
             found[:JOINTS] = np.linalg.solve(self._turn(q), (a - drift)[:JOINTS])
         return found
-
-    @property
-    def _layout(self) -> Floating:
-        assert self._floating is not None
-        return self._floating
 
     def _theirs(self, values: Array) -> Array:
         """Return joint values in the engine's order."""

@@ -324,11 +324,12 @@ def read(
     if floats:  # in flexlink the rotations of a base follow its slides
         parents[3:6], parents[:3] = [-1, 3, 4], [5, 0, 1]
     fields |= _bodies(plant, context, behind, points)
+    tip = plant.GetFrameByName("tip").CalcPoseInWorld(context).translation() if plant.HasFrameNamed("tip") else None
     record = ReadBack(
         names=("",) * n, parents=parents, axes=axes, points=points, frames=R, slides=slides,
         **records.no_actuators(n) | {"gear": driven, "effort": np.stack([-most, most], axis=1)}, **fields,
-        gravity=np.array(plant.gravity_field().gravity_vector()), tip=_tip(plant, context), unspecified=unspecified,
-        bodies=tuple(joint.child_body().name() for joint in joints),
+        gravity=np.array(plant.gravity_field().gravity_vector()), unspecified=unspecified,
+        tip=None if tip is None else np.array(tip), bodies=tuple(joint.child_body().name() for joint in joints),
     )  # fmt: skip
     return record.in_order(theirs.order, names=tuple(names), **own)
 
@@ -377,9 +378,3 @@ def _springs(plant: Any) -> dict[str, tuple[float, float]]:
         elif isinstance(spring, tree.PrismaticSpring):
             found[spring.joint().name()] = spring.stiffness(), spring.nominal_position()
     return found
-
-
-def _tip(plant: Any, context: Any) -> Array | None:
-    if not plant.HasFrameNamed("tip"):
-        return None
-    return np.array(plant.GetFrameByName("tip").CalcPoseInWorld(context).translation())

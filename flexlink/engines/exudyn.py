@@ -37,8 +37,7 @@ from flexlink.formats import read_urdf, to_urdf
 from flexlink.formats.document import loaded_tip, places
 
 METHODS = {"RK2": exu.DynamicSolverType.ExplicitMidpoint, "RK4": exu.DynamicSolverType.RK44}  # keys: flexlink's names
-TorqueFunction = Callable[..., Array]
-LoadFunction = Callable[..., Array]
+UserFunction = Callable[..., Array]
 
 
 class ExudynEngine(OtherProgram):
@@ -107,7 +106,7 @@ class ExudynEngine(OtherProgram):
                     )
         return samples
 
-    def _torque_function(self, problem: InitialValueProblem) -> TorqueFunction | None:
+    def _torque_function(self, problem: InitialValueProblem) -> UserFunction | None:
         """Return a function for Exudyn: drive torques minus friction and drag torques; None if none of these acts."""
         drive, drag = base.drive_function(problem), base.drag_function(problem)
         if drive is None and drag is None and not self.coulomb.any() and self.excess is None:
@@ -138,8 +137,10 @@ class _System:
             )
         )  # fmt: skip
         self.tree = mbs.AddObject(_kinematic_tree(chain, node))
+        matrices = to_matrices(chain.couplings, n).values() if len(chain.couplings) else ()
+        between = dict(zip(("stiffnessMatrix", "dampingMatrix"), matrices, strict=False))
         rotors = np.diag(chain.hinges["armature"])
-        mbs.AddObject(items.ObjectGenericODE2(nodeNumbers=[node], massMatrix=rotors, **_between_joints(chain)))
+        mbs.AddObject(items.ObjectGenericODE2(nodeNumbers=[node], massMatrix=rotors, **between))
         tip = loaded_tip(chain)
         self.tip_rotation = np.array(tip.rotation)
         if tip.parent >= 0:
@@ -194,7 +195,7 @@ class _System:
         return data.GetODE2Coordinates() + self.slack, data.GetODE2Coordinates_t()
 
     @contextlib.contextmanager
-    def driven(self, torques: TorqueFunction | None, wrench: base.TipWrench | None) -> Iterator[None]:
+    def driven(self, torques: UserFunction | None, wrench: base.TipWrench | None) -> Iterator[None]:
         """Make Exudyn evaluate drive torques and a tip wrench at every stage."""
         try:
             self._drive(torques, wrench)
@@ -202,14 +203,14 @@ class _System:
         finally:
             self._drive(None, None)
 
-    def _drive(self, torques: TorqueFunction | None, wrench: base.TipWrench | None) -> None:
+    def _drive(self, torques: UserFunction | None, wrench: base.TipWrench | None) -> None:
         self.mbs.SetObjectParameter(self.tree, "forceUserFunction", torques or 0)
         for load, part in ((self.force, slice(3)), (self.moment, slice(3, 6))):
             function = 0 if wrench is None else self._part(wrench, part)
             self.mbs.SetLoadParameter(load, "loadVectorUserFunction", function)
             self.mbs.SetLoadParameter(load, "bodyFixed", wrench is not None and wrench.follows)
 
-    def _part(self, wrench: base.TipWrench, part: slice) -> LoadFunction:
+    def _part(self, wrench: base.TipWrench, part: slice) -> UserFunction:
         """Return a load function with Exudyn's signature; a wrench that follows the tip is in axes of the last link."""
         rotation = self.tip_rotation if wrench.follows else np.eye(3)
         return lambda _mbs, t, _vector: base.rotate_wrench(rotation, wrench(t))[part]
@@ -227,14 +228,6 @@ def _without(chain: Chain, *, hinges: Sequence[str] = (), bodies: Sequence[str] 
         for field in fields:
             array[field] = 0.0
     return dataclasses.replace(chain, hinges=hinge, bodies=body, couplings=coupling)
-
-
-def _between_joints(chain: Chain) -> dict[str, Array]:
-    """Return the matrices of springs and dampers between joints."""
-    if not len(chain.couplings):
-        return {}
-    K, D = to_matrices(chain.couplings, chain.n).values()
-    return {"stiffnessMatrix": K, "dampingMatrix": D}
 
 
 def _kinematic_tree(chain: Chain, node: Any) -> Any:

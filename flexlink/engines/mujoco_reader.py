@@ -33,12 +33,6 @@ def floats(model: Any) -> bool:
     return bool(model.njnt and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE)
 
 
-def joint_names(model: Any) -> tuple[str, ...]:
-    """Return the names of all degrees of freedom, with flexlink's names for a floating base."""
-    base = BASE_JOINTS if floats(model) else ()
-    return (*base, *(_joint(model, k) for k in range(floats(model), model.njnt)))
-
-
 def fill(model: Any, theirs: Coordinates, fields: Mapping[str, Array]) -> None:
     """Set gravity, and stiffness, rest angle and armature of joints in flexlink's order, if given."""
     model.opt.gravity[:] = fields.get("gravity", model.opt.gravity)
@@ -79,9 +73,12 @@ def read(model: Any, spec: Any = None, reference: Array | None = None) -> ReadBa
     if model.nuser_jnt:
         moving = model.jnt_type[joints] != mujoco.mjtJoint.mjJNT_FREE
         widths[moving] = model.jnt_user[joints[moving], 0]
+    k, parents = np.arange(model.nv), behind[model.body_parentid[model.dof_bodyid]]
+    parents = np.where(k == model.body_dofadr[model.dof_bodyid], parents, k - 1)
+    base = BASE_JOINTS if floats(model) else ()
+    names = (*base, *(_name(model, "joint", k) for k in range(floats(model), model.njnt)))
     return ReadBack(
-        joint_names(model), _parents(model, behind),
-        axes, points, frames, **bodies, slides=slides, **at_joints(model),
+        names, parents, axes, points, frames, **bodies, slides=slides, **at_joints(model),
         **springs, coulomb=model.dof_frictionloss.copy(), coulomb_width=widths, armature=model.dof_armature + armature,
         gravity=float(_on(model, "GRAVITY")) * model.opt.gravity,
         tip=_tip(model, data), unspecified=frozenset() if model.nuser_jnt else frozenset({"coulomb_width"}),
@@ -96,7 +93,7 @@ def _require_joints(model: Any) -> None:
     for k, kind in enumerate(model.jnt_type):
         name = mujoco.mjtJoint(kind).name.removeprefix("mjJNT_").lower()
         known = name in {"hinge", "slide"} or (name == "free" and k == 0)
-        kinds.append((_joint(model, k), "" if known else name))
+        kinds.append((_name(model, "joint", k), "" if known else name))
     require_joints(kinds)
 
 
@@ -109,8 +106,8 @@ def _on(model: Any, flag: str) -> bool:
     return not model.opt.disableflags & getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}")
 
 
-def _joint(model: Any, k: int) -> str:
-    return mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, k) or f"joint {k}"
+def _name(model: Any, kind: str, k: int) -> str:
+    return mujoco.mj_id2name(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), k) or f"{kind} {k}"
 
 
 def _behind(model: Any) -> Indices:
@@ -120,13 +117,6 @@ def _behind(model: Any) -> Indices:
         own = model.body_dofnum[b]
         last[b] = model.body_dofadr[b] + own - 1 if own else last[model.body_parentid[b]]
     return last
-
-
-def _parents(model: Any, behind: Indices) -> Indices:
-    first = model.body_dofadr[model.dof_bodyid]
-    parents = behind[model.body_parentid[model.dof_bodyid]]
-    k = np.arange(model.nv)
-    return np.where(k == first, parents, k - 1)
 
 
 def _tip(model: Any, data: Any) -> Array | None:
@@ -145,7 +135,7 @@ def _settings(model: Any, spec: Any) -> dict[str, str]:
     limited = int(((model.jnt_limited != 0) & (np.abs(model.jnt_range).min(axis=1) < wide)).sum())
     dry, lifted = int((model.dof_frictionloss != 0).sum()), int((model.body_gravcomp != 0).sum())
     others = list(other_actuators(model))
-    tendons = [mujoco_tendons.name_of(model, number) for number in mujoco_tendons.others(model)]
+    tendons = [_name(model, "tendon", number) for number in mujoco_tendons.others(model)]
     settings: dict[str, tuple[Any, str]] = {
         "contacts": (constrained and _on(model, "CONTACT") and colliding > 1, f"{colliding} geoms"),
         "limits": (constrained and _on(model, "LIMIT") and limited, f"{limited} joints"),
@@ -159,7 +149,7 @@ def _settings(model: Any, spec: Any) -> dict[str, str]:
         "no springs": (not _on(model, "SPRING"), ""),
         "no dampers": (not _on(model, "DAMPER"), ""),
         "ref": (model.qpos0[7 * floats(model) :].any(), ""),
-        "springlength": (mujoco_tendons.slack_elsewhere(model), ""),
+        "springlength": (mujoco_tendons.apart(model).any(), ""),
     }
     if spec is not None:
         compiler, yes = spec.compiler, mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
@@ -202,7 +192,9 @@ def at_joints(model: Any) -> dict[str, Any]:
         if _kind(model, number):
             continue
         k, r = int(model.jnt_dofadr[model.actuator_trnid[number, 0]]), float(model.actuator_gear[number, 0])
-        gain, (b0, b1, b2) = r * float(model.actuator_gainprm[number, 0]), _bias(model, number)
+        affine = model.actuator_biastype[number] == mujoco.mjtBias.mjBIAS_AFFINE
+        b0, b1, b2 = model.actuator_biasprm[number, :3].tolist() if affine else (0.0, 0.0, 0.0)
+        gain = r * float(model.actuator_gainprm[number, 0])
         fields["constant_torque"][k] += r * b0
         fields["servo_stiffness"][k] -= r**2 * b1
         fields["servo_damping"][k] -= r**2 * b2
@@ -234,8 +226,7 @@ def other_actuators(model: Any) -> Iterator[str]:
     """Yield a description of each actuator that is not a motor or servo at a joint."""
     for number in _acting(model):
         if kind := _kind(model, number):
-            name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, number) or f"actuator {number}"
-            yield f"{name!r} ({kind})"
+            yield f"{_name(model, 'actuator', number)!r} ({kind})"
 
 
 def _acting(model: Any) -> Iterator[int]:
@@ -259,12 +250,6 @@ def _kind(model: Any, number: int) -> str:
             return f"{field} {value.name.rpartition('_')[2].lower()}"
     free = model.jnt_type[model.actuator_trnid[number, 0]] == mujoco.mjtJoint.mjJNT_FREE
     return "at a floating base" if free else ""
-
-
-def _bias(model: Any, number: int) -> tuple[float, float, float]:
-    affine = model.actuator_biastype[number] == mujoco.mjtBias.mjBIAS_AFFINE
-    b0, b1, b2 = model.actuator_biasprm[number, :3].tolist() if affine else (0.0, 0.0, 0.0)
-    return b0, b1, b2
 
 
 def _limit(model: Any, number: int, r: float, gain: float | None) -> Array:

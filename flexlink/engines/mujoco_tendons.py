@@ -24,12 +24,12 @@ def add_tendons(model: Any, joints: dict[str, Array]) -> dict[str, Any]:
     """Return stiffness, damping and rest angles of joints including two-joint tendons, and `COUPLED_FIELDS`."""
     matrices = {field: np.diag(joints[field]) for field in COUPLED_FIELDS.values()}
     constants = {field: _coefficients(model, field)[0] for field in matrices}
-    torque, rest, apart = np.zeros(model.nv), joints["rest"], _apart(model)
+    torque, rest, off = np.zeros(model.nv), joints["rest"], apart(model)
     for number in np.flatnonzero(_between_two(model)):
         pair, c = _ends(model, number)
         for field, matrix in matrices.items():
             matrix[np.ix_(pair, pair)] += constants[field][number] * np.outer(c, c)
-        torque[pair] += constants["stiffness"][number] * apart[number] * c
+        torque[pair] += constants["stiffness"][number] * off[number] * c
     if torque.any():
         rest = rest + np.linalg.pinv(matrices["stiffness"], hermitian=True) @ torque
     own = {field: np.diag(matrix).copy() for field, matrix in matrices.items()}
@@ -37,23 +37,17 @@ def add_tendons(model: Any, joints: dict[str, Array]) -> dict[str, Any]:
     return {**own, **between, "rest": rest}
 
 
-def slack_elsewhere(model: Any) -> bool:
-    """Whether a two-joint tendon does not have its slack length at the rest angles of its joints."""
-    return bool(_apart(model).any())
-
-
-def _apart(model: Any) -> Array:
+def apart(model: Any) -> Array:
     """Return L₀ − L at the joints' rest angles for all two-joint tendons, shape (tendons,) [rad]."""
-    # relative rounding error of a tendon's length at the rest angles
-    rounding = 8 * float(np.finfo(np.float64).eps)
-    apart = np.zeros(model.ntendon)
+    rounding = 8 * float(np.finfo(np.float64).eps)  # relative, of a tendon's length at the rest angles
+    found = np.zeros(model.ntendon)
     for number in np.flatnonzero(_between_two(model)):
         pair, c = _ends(model, number)
         rest = model.qpos_spring[model.jnt_qposadr[model.dof_jntid[pair]]]
-        apart[number] = model.tendon_lengthspring[number, 0] - c @ rest
-        if abs(apart[number]) <= rounding * (np.abs(c) @ np.abs(rest)):
-            apart[number] = 0.0
-    return apart
+        found[number] = model.tendon_lengthspring[number, 0] - c @ rest
+        if abs(found[number]) <= rounding * (np.abs(c) @ np.abs(rest)):
+            found[number] = 0.0
+    return found
 
 
 def others(model: Any) -> Iterator[int]:
@@ -67,11 +61,6 @@ def disable_others(model: Any) -> None:
     for name in (*COUPLED_FIELDS.values(), "armature"):
         for values in _constants(model, name):
             values[numbers] = 0
-
-
-def name_of(model: Any, number: int) -> str:
-    """Return the name of a tendon."""
-    return mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TENDON, number) or f"tendon {number}"
 
 
 def _coefficients(model: Any, name: str) -> tuple[Array, Any]:

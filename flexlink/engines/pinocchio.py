@@ -218,9 +218,8 @@ def transmissions(robot: ET.Element, names: Sequence[str]) -> Array:
             try:
                 gear[name] = float(reduction)
             except ValueError:
-                raise ArgumentError(
-                    f"joint {name!r}: mechanicalReduction = {reduction!r} is not a number", id="number-in-file"
-                ) from None
+                why = f"joint {name!r}: mechanicalReduction = {reduction!r} is not a number"
+                raise ArgumentError(why, id="number-in-file") from None
     return np.array([gear[name] for name in names])
 
 
@@ -250,13 +249,17 @@ def read(
     most[(most <= 0) | (most >= float(LIMIT["effort"]))] = np.inf  # as URDF requires a number where there is no limit
     # links that joints move; other links are fixed to them
     links = {frame.parentJoint: frame.name for frame in reversed(model.frames) if frame.type == pin.FrameType.BODY}
+    tip = None
+    if model.existFrame("tip", pin.FrameType.BODY):
+        frame = model.frames[model.getFrameId("tip", pin.FrameType.BODY)]
+        tip = np.array((data.oMi[frame.parentJoint] * frame.placement).translation)
     nothing: dict[str, Any] = {name: np.zeros_like(values) for name, values in own.items()}
     record = ReadBack(
         names=("",) * n, parents=parents, axes=axes, points=points, frames=R[joints], slides=slides,
         **bodies | {"parts": _parts(model, R, last)},
         **nothing | records.no_actuators(n) | {"effort": np.stack([-most, most], axis=1)},
         damping=np.array(model.damping), coulomb=np.array(model.friction), armature=np.array(model.armature),
-        gravity=np.array(model.gravity.linear), tip=_tip(model, data), unspecified=unspecified,
+        gravity=np.array(model.gravity.linear), tip=tip, unspecified=unspecified,
         bodies=tuple(links.get(k, "") for k in joints),
     )  # fmt: skip
     return record.in_order(theirs.order, names=tuple(names), **own)
@@ -273,10 +276,3 @@ def _parts(model: Any, R: Array, last: Indices) -> Parts:
     parts += [(k, part) for k, part in enumerate(rest) if k]
     joints = np.array([k for k, _ in parts], dtype=np.intp)
     return Parts(last[joints], R[joints] @ np.array([part.inertia for _, part in parts]) @ R[joints].mT)
-
-
-def _tip(model: Any, data: Any) -> Array | None:
-    if not model.existFrame("tip", pin.FrameType.BODY):
-        return None
-    frame = model.frames[model.getFrameId("tip", pin.FrameType.BODY)]
-    return np.array((data.oMi[frame.parentJoint] * frame.placement).translation)

@@ -268,9 +268,8 @@ def of_elements(elements: Iterable[ET.Element], joints: Sequence[str]) -> NDArra
         ends = [element.get(key, "") for key in ("inner", "outer")]
         i, j = sorted(number.get(name, -1) for name in ends)
         if i < 0 or i == j:
-            raise ArgumentError(
-                f"coupling of {ends[0]!r} and {ends[1]!r}: expected two joints of the file", id="coupling-in-file"
-            )
+            why = f"coupling of {ends[0]!r} and {ends[1]!r}: expected two joints of the file"
+            raise ArgumentError(why, id="coupling-in-file")
         try:
             constants = np.array([float(element.get(key, "")) for key in COUPLED_FIELDS.values()])
         except ValueError as error:

@@ -10,7 +10,7 @@ from types import ModuleType
 from typing import Any
 
 from flexlink.common.errors import Diagnostic
-from flexlink.common.notebook import html_table
+from flexlink.common.notebook import builder, html_table
 from flexlink.common.output import write_text
 from flexlink.common.types import Array
 from flexlink.data.documents import require_path
@@ -19,7 +19,6 @@ from flexlink.identification.block import unit_in
 from flexlink.identification.estimate import Estimate
 from flexlink.identification.identifiability import Check
 from flexlink.identification.problem import FitProblem
-from flexlink.pages.builders import builder
 from flexlink.pages.verdict import Report
 
 

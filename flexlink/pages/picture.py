@@ -35,16 +35,17 @@ class Picture:
 
     def save_png(self, path: Path) -> None:
         """Write a PNG with 160 dots per inch."""
-        dots = 160.0
-
-        def write(file: Path) -> None:
-            self.figure.savefig(file, format="png", dpi=dots, metadata={"Software": None})
-
+        dots, figure = 160.0, self.figure
         with mpl.rc_context(RC):
-            for axes in self.figure.axes:
+            for axes in figure.axes:
                 tidy_logs(axes)
-            _lay_out(self.figure, dots)
-            write_whole(path, write)
+            engine = figure.get_layout_engine()
+            if engine is not None and figure.axes:  # once; an engine would make `savefig` draw everything twice
+                original, figure.dpi = figure.dpi, dots
+                engine.execute(figure)
+                figure.dpi = original
+                figure.set_layout_engine(None)
+            write_whole(path, lambda file: figure.savefig(file, format="png", dpi=dots, metadata={"Software": None}))
 
     def save(self, folder: Path, definitions: dict[str, str]) -> str:
         """Write the PNG, SVG and CSV files; return the SVG for the page, as `inline` does."""
@@ -83,16 +84,6 @@ def picture_of(
         for head, column in columns.items()
     })  # fmt: skip
     return Picture(name, title, axes[0].figure, caption, csv)
-
-
-def _lay_out(figure: Figure, dots: float) -> None:
-    """Compute the layout once, for `dots` dots per inch; a layout engine would make `savefig` draw everything twice."""
-    engine = figure.get_layout_engine()
-    if engine is not None and figure.axes:
-        original, figure.dpi = figure.dpi, dots
-        engine.execute(figure)
-        figure.dpi = original
-        figure.set_layout_engine(None)
 
 
 USE = re.compile(r'(<use href="[^"]*"(?: [xy]="[^"]*")*)( style="[^"]*")?/>')

@@ -19,24 +19,14 @@ NAMED_CURVES = 6  # largest number of curves in the legend of a panel
 
 RC: dict[str, Any] = {
     "font.family": "DejaVu Sans",  # part of matplotlib: the same picture on every machine
-    "font.size": 11.5,
+    **dict.fromkeys(
+        ("font.size", "axes.titlesize", "axes.labelsize", "xtick.labelsize", "ytick.labelsize", "legend.fontsize"), 11.5
+    ),
     "text.parse_math": False,  # a $ in a name is a $
-    "axes.titlesize": 11.5,
-    "axes.labelsize": 11.5,
-    "xtick.labelsize": 11.5,
-    "ytick.labelsize": 11.5,
-    "legend.fontsize": 11.5,
-    "text.color": INK,
-    "axes.labelcolor": INK,
-    "axes.edgecolor": INK,
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "figure.facecolor": PAPER,
+    **dict.fromkeys(("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color"), INK),
+    **dict.fromkeys(("figure.facecolor", "axes.facecolor", "savefig.facecolor", "legend.facecolor"), PAPER),
     "figure.autolayout": False,  # each figure sets its own layout
     "figure.constrained_layout.use": False,
-    "axes.facecolor": PAPER,
-    "savefig.facecolor": PAPER,
-    "legend.facecolor": PAPER,
     "legend.framealpha": 0.85,
     "legend.edgecolor": GREY,
     "legend.handlelength": 1.4,

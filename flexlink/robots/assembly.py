@@ -34,9 +34,12 @@ def assembled(
     for number, (part, imported) in enumerate(zip(way.parts, parts, strict=True), 1):
         links.append(_attached(imported.link, names[part.parent], links))
         starts.append(way.positions[part.joint.name])
-        for frame in _tip_frames(way, number, names, imported.link):
-            links.append(_attached(frame, names[number], links))
-            starts.append(0.0)
+        for k, tip in way.tips_on(number):
+            mount = _mount(tip.place, _stop(imported.link))
+            if mount != Mount() or way.bears(number) > 1:  # else the part itself ends at its only tip
+                frame = Link(name=names[1 + len(way.parts) + k], mount=mount, joint=Joint(locked=True))
+                links.append(_attached(frame, names[number], links))
+                starts.append(0.0)
     slides = [link.joint.slides for link in links]
     angles = tuple(0.0 if slid else math.degrees(start) for start, slid in zip(starts, slides, strict=True))
     metres = tuple(start if slid else 0.0 for start, slid in zip(starts, slides, strict=True))
@@ -132,11 +135,3 @@ def _tidy(degrees: float) -> float:
     near = round(degrees, 9)
     rounding = 1e-13  # a few eps times 180°
     return (near if abs(degrees - near) < rounding else degrees) + 0.0
-
-
-def _tip_frames(way: Paths, number: int, names: list[str], link: Link) -> Iterator[Link]:
-    """Yield rigid links to the tip frames of a part; none if the part ends at its tip and has no other child."""
-    for k, tip in way.tips_on(number):
-        mount = _mount(tip.place, _stop(link))
-        if mount != Mount() or way.bears(number) > 1:
-            yield Link(name=names[1 + len(way.parts) + k], mount=mount, joint=Joint(locked=True))

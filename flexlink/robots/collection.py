@@ -40,9 +40,8 @@ class KnownArm(Spec, frozen=True):
         """Path of the installed file."""
         path = folder() / self.file
         if not path.exists():
-            raise MissingDependencyError(
-                f"{PACKAGE} {importlib.metadata.version(PACKAGE)} has no robots/{self.file}", id="package-missing"
-            )
+            why = f"{PACKAGE} {importlib.metadata.version(PACKAGE)} has no robots/{self.file}"
+            raise MissingDependencyError(why, id="package-missing")
         return path
 
 
@@ -52,9 +51,8 @@ def folder() -> Path:
     try:
         package = importlib.metadata.distribution(PACKAGE)
     except importlib.metadata.PackageNotFoundError:
-        raise MissingDependencyError(
-            f"{PACKAGE} is not installed: {how_to_install('robots')}", id="package-missing"
-        ) from None
+        why = f"{PACKAGE} is not installed: {how_to_install('robots')}"
+        raise MissingDependencyError(why, id="package-missing") from None
     for file in package.files or []:
         before, inside, _ = file.as_posix().partition(f"/{PACKAGE}/robots/")
         if inside:

@@ -108,10 +108,8 @@ def _joint_to_joint(next_origin: Array) -> tuple[Vector3, Vector3]:
 def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) -> ImportedLink:
     """Make a rigid link flexible; without `line`, its beam ends at the origin of the next joint in its frame [m]."""
     if not part.body.mass:
-        raise ArgumentError(
-            f"flexible: link {truncated(part.link)}: has no mass; give it an <inertial>, or bend another link",
-            id="no-mass",
-        )
+        why = f"flexible: link {truncated(part.link)}: has no mass; give it an <inertial>, or bend another link"
+        raise ArgumentError(why, id="no-mass")
     ends = flexible.line or _joint_to_joint(next_origin)
     line = line_of(ends, flexible.up, part.joint.axis)
     outer = line.length / 10
@@ -134,10 +132,8 @@ def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) ->
         end=payload(end.moved(Pose(np.eye(3), -np.array(ends[1])))),
     )  # fmt: skip
     material = msgspec.structs.replace(flexible.material, density=mass / volume)
-    remark = Diagnostic(
-        f"{part.link}: beam of {mass:.4g} kg and {line.length:.4g} m, from the link's {part.body.mass:.4g} kg",
-        "flexible-link",
-    )
+    text = f"{part.link}: beam of {mass:.4g} kg and {line.length:.4g} m, from the link's {part.body.mass:.4g} kg"
+    remark = Diagnostic(text, "flexible-link")
     return ImportedLink(link, material, section, remark, _warning(part, flexible, largest, line.length))
 
 
@@ -169,9 +165,8 @@ def _rigid_body(body: SpatialInertia) -> RigidBody:
     inertia = (body.inertia + body.inertia.T) / 2
     xx, yy, zz, *products = (float(inertia[j, k]) for j, k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
     x, y, z = body.center.tolist()
-    return RigidBody(
-        mass=float(body.mass), center=(x, y, z), inertia=(xx, yy, zz, *(products if any(products) else ()))
-    )
+    moments = (xx, yy, zz, *(products if any(products) else ()))
+    return RigidBody(mass=float(body.mass), center=(x, y, z), inertia=moments)
 
 
 def rounded_down(value: float) -> str:

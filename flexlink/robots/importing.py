@@ -81,17 +81,11 @@ class ImportResult:
 
 
 def import_urdf(
-    path: str | Path | Robot,
-    *,
-    base: str | None = None,
-    tip: str | Sequence[str] | None = None,
-    free_base: bool = False,
-    posture: Mapping[str, float] = NOTHING,
-    locked: Mapping[str, float] = NOTHING,
-    flexible: Mapping[str, FlexibleLink] = NOTHING,
-    armature: Mapping[str, float] = NOTHING,
+    path: str | Path | Robot, *, base: str | None = None, tip: str | Sequence[str] | None = None,
+    free_base: bool = False, posture: Mapping[str, float] = NOTHING, locked: Mapping[str, float] = NOTHING,
+    flexible: Mapping[str, FlexibleLink] = NOTHING, armature: Mapping[str, float] = NOTHING,
     gravity: Vector3 = (0.0, 0.0, -9.81),
-) -> ImportResult:
+) -> ImportResult:  # fmt: skip
     """Convert a URDF file to a scene, with the complete robot or only the paths to some of its links.
 
     All hinges and sliding joints become joints of the scene, each after its parent, path by path in the file's
@@ -188,33 +182,25 @@ def _check_links(way: Paths, flexible: Mapping[str, FlexibleLink]) -> None:
     for link, specified in flexible.items():
         holders = [part.link for part in way.parts if link in part.folded]
         if holders:
-            raise ArgumentError(
-                f"flexible: link {truncated(link)} is fixed to {truncated(holders[0])}; make that link flexible",
-                id="flexible-link-fixed",
-            )
+            why = f"flexible: link {truncated(link)} is fixed to {truncated(holders[0])}; make that link flexible"
+            raise ArgumentError(why, id="flexible-link-fixed")
         if link not in links:
-            raise ArgumentError(
-                f"flexible: link {truncated(link)} is not between base and tip; allowed are {short_list(links)}",
-                id="unknown-link",
-            )
+            why = f"flexible: link {truncated(link)} is not between base and tip; allowed are {short_list(links)}"
+            raise ArgumentError(why, id="unknown-link")
         if not isinstance(specified, FlexibleLink):
-            raise ArgumentError(
-                f"flexible: {truncated(link)} = {truncated(specified)}: expected a FlexibleLink", id="wrong-type"
-            )
+            why = f"flexible: {truncated(link)} = {truncated(specified)}: expected a FlexibleLink"
+            raise ArgumentError(why, id="wrong-type")
 
 
 def _check_joints(way: Paths, armature: Mapping[str, float]) -> None:
     free = [part.joint.name for part in way.parts]
     for joint, value in armature.items():
         if joint not in free:
-            raise ArgumentError(
-                f"armature: joint {truncated(joint)} does not move in this arm; allowed are {short_list(free)}",
-                id="unknown-joint",
-            )
+            why = f"armature: joint {truncated(joint)} does not move in this arm; allowed are {short_list(free)}"
+            raise ArgumentError(why, id="unknown-joint")
         if (number := finite(value)) is None or number < 0:
-            raise ArgumentError(
-                f"armature: {truncated(joint)} = {truncated(value)}: expected a number >= 0 [kg m²]", id="out-of-range"
-            )
+            why = f"armature: {truncated(joint)} = {truncated(value)}: expected a number >= 0 [kg m²]"
+            raise ArgumentError(why, id="out-of-range")
 
 
 def _span(way: Paths) -> str:
@@ -319,10 +305,8 @@ def living_paths(
                 raise DataFileError("no link of this file has mass; give the moving links an <inertial>", id="no-mass")
             part = lifeless[-1]
             hint = f", for example --tip {part.joint.parent}" if part.parent else ""
-            raise DataFileError(
-                f"link {truncated(part.link)}: nothing beyond its joint has inertia; choose a tip before it{hint}",
-                id="no-mass",
-            )
+            why = f"link {truncated(part.link)}: nothing beyond its joint has inertia; choose a tip before it{hint}"
+            raise DataFileError(why, id="no-mass")
         still |= {part.joint.name: None for part in lifeless}
 
 
@@ -413,9 +397,8 @@ def tuned(scene: Scene, link: str, hertz: float) -> Scene:
     young = material.young * (ratio * ratio)
     specified = f"flexible: link {truncated(link)}: frequency_hz = {hertz!r}"
     if not 0 < young < math.inf:
-        raise ArgumentError(
-            f"{specified}: needs young = {young:g} Pa, outside the range of float64", id="frequency-out-of-reach"
-        )
+        why = f"{specified}: needs young = {young:g} Pa, outside the range of float64"
+        raise ArgumentError(why, id="frequency-out-of-reach")
     stiff = msgspec.structs.replace(material, young=young)
     # do not use a path, because the name may contain any character
     stiffened = scene.varied({"material": scene.arm.materials | {name: stiff}})

@@ -175,16 +175,14 @@ class Robot:
 def _check_roots(robot: Robot) -> None:
     roots = [link for link in robot.links if link not in robot.above]
     if len(roots) > 1:
-        raise DataFileError(
-            f"{len(roots)} links have no parent joint, {short_list(roots)}; a robot has one root", id="several-roots"
-        )
+        why = f"{len(roots)} links have no parent joint, {short_list(roots)}; a robot has one root"
+        raise DataFileError(why, id="several-roots")
     reached = set(robot.outward(roots[0])) if roots else set()
     circle = [link for link in robot.links if link not in reached]
     if circle:
         they_form = f"link {circle[0]} forms" if len(circle) == 1 else f"links {short_list(circle)} form"
-        raise DataFileError(
-            f"{they_form} a loop; closed loops in files of robots are not supported: take a joint out", id="closed-loop"
-        )
+        why = f"{they_form} a loop; closed loops in files of robots are not supported: take a joint out"
+        raise DataFileError(why, id="closed-loop")
 
 
 def _check_mimics(robot: Robot) -> None:
@@ -194,15 +192,13 @@ def _check_mimics(robot: Robot) -> None:
         while joint.mimic is not None and joint.name not in checked:
             leader = joint.mimic.leader
             if leader not in robot.joints:
-                raise DataFileError(
-                    f"joint {truncated(joint.name)}: mimics {truncated(leader)}, which does not exist", id="mimic"
-                )
+                why = f"joint {truncated(joint.name)}: mimics {truncated(leader)}, which does not exist"
+                raise DataFileError(why, id="mimic")
             checked.add(joint.name)  # joints of this path are also in `way`, by which loops are detected
             joint = robot.joints[leader]
             if leader in way:
-                raise DataFileError(
-                    f"joint {truncated(leader)}: mimics itself, by way of {short_list(list(way))}", id="mimic"
-                )
+                why = f"joint {truncated(leader)}: mimics itself, by way of {short_list(list(way))}"
+                raise DataFileError(why, id="mimic")
             way[leader] = None
 
 
@@ -223,9 +219,8 @@ def check_stated(robot: Robot, posture: Mapping[str, float], locked: Mapping[str
             _check(robot, key, name, value)
     for name in locked:
         if name in posture:
-            raise ArgumentError(
-                f"joint {truncated(name)}: in posture and in locked; remove it from posture", id="both-given"
-            )
+            why = f"joint {truncated(name)}: in posture and in locked; remove it from posture"
+            raise ArgumentError(why, id="both-given")
 
 
 def finite(value: object) -> float | None:
@@ -239,21 +234,15 @@ def finite(value: object) -> float | None:
 def _check(robot: Robot, key: str, name: object, value: object) -> None:
     joint = require_one_of(key, name, robot.joints)
     if joint.kind in {"fixed", "floating", "planar"}:
-        raise ArgumentError(
-            f"{key}: joint {truncated(name)} is {joint.kind}; only hinges and slides have a position",
-            id="joint-type-in-file",
-        )
+        why = f"{key}: joint {truncated(name)} is {joint.kind}; only hinges and slides have a position"
+        raise ArgumentError(why, id="joint-type-in-file")
     if joint.mimic is not None and key == "posture":
-        raise ArgumentError(
-            f"{key}: joint {truncated(name)} mimics {truncated(joint.mimic.leader)}; give the position of that joint",
-            id="mimic",
-        )
+        why = f"{key}: joint {truncated(name)} mimics {truncated(joint.mimic.leader)}; give the position of that joint"
+        raise ArgumentError(why, id="mimic")
     number = finite(value)
     if number is None:
-        raise ArgumentError(
-            f"{key}: {truncated(name)} = {truncated(value)}: expected a finite number [rad; m for a slide]",
-            id="out-of-range",
-        )
+        why = f"{key}: {truncated(name)} = {truncated(value)}: expected a finite number [rad; m for a slide]"
+        raise ArgumentError(why, id="out-of-range")
     lower, upper = joint.limits or (-math.inf, math.inf)
     if not lower <= number <= upper and lower < upper:
         given, low, high = (_with_unit(joint, position) for position in (number, lower, upper))

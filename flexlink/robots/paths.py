@@ -108,14 +108,19 @@ def paths(
     """
     base = robot.root if base is None else _link(robot, "base", base)
     check_stated(robot, posture, locked)
-    tips = None if tip is None else _named(robot, tip)
+    tips: list[str] | None = None
+    if tip is not None:
+        several = isinstance(tip, Sequence) and not isinstance(tip, str)
+        tips = list(dict.fromkeys(_link(robot, "tip", name) for name in (tip if several else [tip])))
+        if not tips:
+            why = f"tip = {tip!r}: name a link, or leave it out for the complete robot"
+            raise ArgumentError(why, id="unknown-link")
     way = _way(robot, base, tips)
     span = f"beyond {base!r}" if tips is None else f"between {base!r} and {short_list([repr(name) for name in tips])}"
     for name in locked:
         if robot.joints[name] not in way:
-            raise ArgumentError(
-                f"locked: joint {truncated(name)} is not {span}; put it into posture", id="unknown-joint"
-            )
+            why = f"locked: joint {truncated(name)} is not {span}; put it into posture"
+            raise ArgumentError(why, id="unknown-joint")
     loose = [joint for joint in way if joint.moves and joint.name not in locked and joint.name not in still]
     for joint in loose:
         if joint.mimic is None or tips is not None:
@@ -128,19 +133,11 @@ def paths(
     positions = positions_of(robot, {**posture, **locked})
     place = along(robot.path(robot.root, base) or [], positions)
     parts, places = _parts(robot, way, free, positions, {base: (0, HERE if free_base else place)})
-    ends = tips or _ends(robot, parts, {joint.name for joint in loose})
+    stems, moving = {part.parent for part in parts}, {joint.name for joint in loose}
+    ends = tips or [robot.outward(part.link, moving)[-1] for k, part in enumerate(parts, 1) if k not in stems]
     floating = FreeBase(place, *folded(robot, base, free, positions)) if free_base else None
     found = Paths(base, tuple(Tip(end, *places[end]) for end in ends), parts, positions, (), floating)
     return dataclasses.replace(found, held=_held(robot, found))
-
-
-def _named(robot: Robot, tip: str | Sequence[str]) -> list[str]:
-    """Return the tips that the user names, each once."""
-    several = isinstance(tip, Sequence) and not isinstance(tip, str)
-    names = [_link(robot, "tip", name) for name in (tip if several else [tip])]
-    if not names:
-        raise ArgumentError(f"tip = {tip!r}: name a link, or leave it out for the complete robot", id="unknown-link")
-    return list(dict.fromkeys(names))
 
 
 def _link(robot: Robot, key: str, name: object) -> str:
@@ -158,10 +155,8 @@ def _way(robot: Robot, base: str, tips: Sequence[str] | None) -> list[TreeJoint]
     for tip in tips:
         path = robot.path(base, tip)
         if path is None:
-            raise ArgumentError(
-                f"tip = {truncated(tip)}: not reached outward from base = {truncated(base)}; choose a link beyond it",
-                id="unknown-link",
-            )
+            why = f"tip = {truncated(tip)}: not reached outward from base = {truncated(base)}; choose a link beyond it"
+            raise ArgumentError(why, id="unknown-link")
         wanted |= {joint.name: None for joint in path}
     if len(tips) == 1:
         return [robot.joints[name] for name in wanted]
@@ -200,12 +195,6 @@ def _parts(
         else:
             places[joint.child] = number, pose.then(joint.pose(positions[joint.name]))
     return tuple(parts), places
-
-
-def _ends(robot: Robot, parts: Sequence[Part], moving: Collection[str]) -> list[str]:
-    """For each part without children, return its outermost link."""
-    stems = {part.parent for part in parts}
-    return [robot.outward(part.link, moving)[-1] for k, part in enumerate(parts, 1) if k not in stems]
 
 
 def _held(robot: Robot, found: Paths) -> tuple[str, ...]:

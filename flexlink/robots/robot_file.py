@@ -76,9 +76,8 @@ def _robot(root: ET.Element) -> Robot:
         remedy = f"this is {other}, which `flexlink compare SCENE --file` reads; import needs URDF" if other else what
         raise DataFileError(f"<{truncated(root.tag)[1:-1]}>: {remedy}", id="unknown-root-element")
     if root.find(".//flexlink") is not None:
-        raise DataFileError(
-            "<flexlink>: this file was exported by flexlink; load its scene instead", id="exported-by-flexlink"
-        )
+        why = "<flexlink>: this file was exported by flexlink; load its scene instead"
+        raise DataFileError(why, id="exported-by-flexlink")
     longest, most_links = 10_000, 5_000  # most characters of an attribute; most links (a humanoid has 130)
     spaces = [key for key, space in root.attrib.items() if key.startswith("xmlns:") and "xacro" in space]
     macros = ("xacro:", *(f"{space.removeprefix('xmlns:')}:" for space in spaces))
@@ -86,10 +85,8 @@ def _robot(root: ET.Element) -> Robot:
         if element.tag.startswith(macros):
             raise DataFileError(f"<xacro:{truncated(element.tag.partition(':')[2])[1:-1]}>: a macro", id="xacro")
         if any(len(value) > longest for value in element.attrib.values()):
-            raise DataFileError(
-                f"<{truncated(element.tag)[1:-1]}>: has an attribute of more than {longest} characters",
-                id="file-too-large",
-            )
+            why = f"<{truncated(element.tag)[1:-1]}>: has an attribute of more than {longest} characters"
+            raise DataFileError(why, id="file-too-large")
     elements = root.findall("link")
     if len(elements) > most_links:
         raise DataFileError(f"{len(elements)} links; at most {most_links} are read", id="file-too-large")
@@ -235,25 +232,21 @@ def _body(link: ET.Element) -> SpatialInertia:
 
 def _joint(element: ET.Element, name: str) -> TreeJoint:
     about = _label(element)
-    kind = _kind(element, about)
+    kind, kinds = _text(element, "type", about), get_args(JointKind)
+    if kind not in kinds:
+        why = f"{about}: type = {truncated(kind)}: allowed are {', '.join(kinds)}{did_you_mean(kind, kinds)}"
+        raise DataFileError(why, id="joint-type-in-file")
     dynamics, mimic = _one(element, "dynamics", about), _one(element, "mimic", about)
     parent, child = (_text(_needed(element, tag, about), "link", about) for tag in ("parent", "child"))
     origin = _origin(element, about)
     axis = _axis(element, about) if kind in {"revolute", "continuous", "prismatic"} else np.zeros(3)
     limits = _limits(element, kind, about)
     damping, friction = (_not_negative(dynamics, key, about, 0.0) for key in ("damping", "friction"))
-    rule = None if mimic is None else _mimic(mimic, about)
-    return TreeJoint(name, kind, parent, child, origin, axis, limits, damping, friction, rule)
-
-
-def _kind(element: ET.Element, about: str) -> JointKind:
-    kind, kinds = _text(element, "type", about), get_args(JointKind)
-    if kind not in kinds:
-        raise DataFileError(
-            f"{about}: type = {truncated(kind)}: allowed are {', '.join(kinds)}{did_you_mean(kind, kinds)}",
-            id="joint-type-in-file",
-        )
-    return cast(JointKind, kind)
+    rule = None
+    if mimic is not None:
+        leader, multiplier = _text(mimic, "joint", about), _number(mimic, "multiplier", about, 1.0)
+        rule = Mimic(leader, multiplier, _number(mimic, "offset", about, 0.0))
+    return TreeJoint(name, cast(JointKind, kind), parent, child, origin, axis, limits, damping, friction, rule)
 
 
 def _axis(element: ET.Element, about: str) -> Array:
@@ -264,14 +257,9 @@ def _axis(element: ET.Element, about: str) -> Array:
         raise DataFileError(str(error)) from None
 
 
-def _limits(element: ET.Element, kind: JointKind, about: str) -> tuple[float, float] | None:
+def _limits(element: ET.Element, kind: str, about: str) -> tuple[float, float] | None:
     limit = _one(element, "limit", about) if kind in {"revolute", "prismatic"} else None
     if limit is None:
         return None
     lower, upper = (_number(limit, key, about, 0.0, sys.float_info.max) for key in ("lower", "upper"))
     return (lower, upper) if max(abs(lower), abs(upper)) <= LARGEST else None  # some files write 1e16 for no limit
-
-
-def _mimic(element: ET.Element, about: str) -> Mimic:
-    leader, multiplier = _text(element, "joint", about), _number(element, "multiplier", about, 1.0)
-    return Mimic(leader, multiplier, _number(element, "offset", about, 0.0))

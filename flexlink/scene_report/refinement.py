@@ -24,8 +24,7 @@ from flexlink.results.convergence import Limit, extrapolated, observed_order
 from flexlink.results.tip_motion import distances, largest_distance, largest_so_far
 from flexlink.scene_report.study import Study
 
-FACTORS = (0.5, 2.0, 4.0)
-"""Numbers of hinges of the other discretisations, as multiples of the scene's number."""
+FACTORS = (0.5, 2.0, 4.0)  # numbers of hinges of the other discretisations, as multiples of the scene's number
 
 ENOUGH = 0.01
 """Largest acceptable model error, and largest uncertainty of the limit, as a fraction of the tip's travel."""

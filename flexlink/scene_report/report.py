@@ -8,21 +8,17 @@ from types import ModuleType
 
 from flexlink.chain.arguments import require_callable, require_type
 from flexlink.common.errors import ArgumentError
+from flexlink.common.notebook import builder
 from flexlink.data.documents import require_path
 from flexlink.describe.scene import Scene
-from flexlink.pages.builders import builder
 from flexlink.pages.verdict import Report
 from flexlink.scene_report.study import MEASURED, Study
 
 
 def report(
-    scene: Scene,
-    folder: str | Path,
-    *,
-    against: str | Path | None = None,
-    command: str = "",
+    scene: Scene, folder: str | Path, *, against: str | Path | None = None, command: str = "",
     progress: Callable[[str], None] | None = None,
-) -> Report:
+) -> Report:  # fmt: skip
     """Write a report on a scene: the model, agreement of engines, accuracy, cost and results.
 
     The page works offline and on a phone. Each table is also a CSV file; each picture is also a PNG, SVG and CSV file.
@@ -78,9 +74,8 @@ def building() -> ModuleType:
 def _beside(against: str | Path) -> Path:
     path, arms = require_path("against", against), (".urdf", ".xml", ".mjcf", ".sdf")
     if path.suffix.lower() not in (*arms, MEASURED):
-        raise ArgumentError(
-            f"against = {str(path)!r}: expected {', '.join(arms)}, or {MEASURED} of measurements", id="wrong-type"
-        )
+        why = f"against = {str(path)!r}: expected {', '.join(arms)}, or {MEASURED} of measurements"
+        raise ArgumentError(why, id="wrong-type")
     if not path.is_file():
         raise ArgumentError(f"against = {str(path)!r}: there is no such file", id="no-such-file")
     return path

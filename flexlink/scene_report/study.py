@@ -22,8 +22,7 @@ from flexlink.motion.simulate import simulate
 from flexlink.results.tip_motion import tip_travel
 from flexlink.results.trajectory import Trajectory, deflections
 
-MEASURED = ".csv"
-"""File suffix of measurements."""
+MEASURED = ".csv"  # file suffix of measurements
 
 
 @dataclasses.dataclass(frozen=True)

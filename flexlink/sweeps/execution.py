@@ -63,14 +63,11 @@ class Execution:
         except FlexlinkError:
             raise
         except BrokenExecutor:
-            raise EngineError(
-                "workers ended during their start; call sweep(workers=…) in a script below if __name__ == '__main__':",
-                id="workers-failed",
-            ) from None
+            why = "workers ended during their start; call sweep(workers=…) in a script below if __name__ == '__main__':"
+            raise EngineError(why, id="workers-failed") from None
         except Exception as error:
-            raise EngineError(
-                f"workers cannot run flexlink: {type(error).__name__}: {error}", id="workers-failed"
-            ) from None
+            why = f"workers cannot run flexlink: {type(error).__name__}: {error}"
+            raise EngineError(why, id="workers-failed") from None
 
     def _fill(self, missing: Iterator[int]) -> None:
         """Start tasks until all workers are busy; only one task at a time while a member is suspected of crashes."""
@@ -105,9 +102,8 @@ class Execution:
         except BrokenExecutor:
             return self._after_death(numbers)
         except CancelledError:
-            raise EngineError(
-                "the cluster is gone; existing rows remain: repeat the command to continue", id="cluster-gone"
-            ) from None
+            why = "the cluster is gone; existing rows remain: repeat the command to continue"
+            raise EngineError(why, id="cluster-gone") from None
         except Exception as error:  # an error that a member causes
             return self._after_failure(numbers, f"{type(error).__name__}: {error}")
         size = len(numbers) * TASK_SECONDS / max(seconds, 1e-6)
@@ -122,9 +118,8 @@ class Execution:
         lost_tasks = [numbers, *self.running.values()]
         self.running.clear()
         if not self.pool.replace():
-            raise EngineError(
-                "the executor is broken; existing rows remain: repeat the call with a new executor", id="cluster-gone"
-            )
+            why = "the executor is broken; existing rows remain: repeat the call with a new executor"
+            raise EngineError(why, id="cluster-gone")
         if len(lost_tasks) > 1:
             self.suspects += lost_tasks
             return []

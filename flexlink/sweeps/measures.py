@@ -66,9 +66,8 @@ class SweepOutput(Spec, frozen=True):
                             ("target", self.target), ("tolerance", self.tolerance)):  # fmt: skip
             if value is not None and name not in known:
                 allowed = ", ".join(sorted(known)) or "no options"
-                raise SceneError(
-                    f"{name} = {truncated(value)}: quantity {self.of!r} takes {allowed}", id="key-of-another-kind"
-                )
+                why = f"{name} = {truncated(value)}: quantity {self.of!r} takes {allowed}"
+                raise SceneError(why, id="key-of-another-kind")
         if "tolerance" in known and self.tolerance is None:
             raise SceneError(f"tolerance: missing; quantity {self.of!r} needs one [m]", id="missing-key")
 
@@ -115,10 +114,8 @@ def column_of(run: Trajectory, name: str) -> Array:
     columns = run.columns
     if name not in columns:
         known = [*columns, DEFLECTION, *MEASURES]
-        raise ArgumentError(
-            f"of = {truncated(name)}: no such quantity; allowed are {short_list(known)}{did_you_mean(name, known)}",
-            id="unknown-quantity",
-        )
+        why = f"of = {truncated(name)}: no such quantity; allowed are {short_list(known)}{did_you_mean(name, known)}"
+        raise ArgumentError(why, id="unknown-quantity")
     return columns[name]
 
 
@@ -133,15 +130,11 @@ def columns_of(block: Block, name: str) -> Array:
     return np.ascontiguousarray(column.T) if column.ndim > 1 else np.array([column] * len(block.members))
 
 
-def _count(name: str) -> Callable[[SweepOutput, Trajectory], float]:
-    def count(_: SweepOutput, run: Trajectory) -> float:
-        if run.steps is None:
-            raise ArgumentError(
-                f"of = {name!r}: only runs of flexlink's native engine count them", id="engine-does-not-support"
-            )
-        return float(getattr(run.steps, {"steps": "taken"}.get(name, name)))
-
-    return count
+def _counted(run: Trajectory, name: str) -> float:
+    if run.steps is None:
+        text = f"of = {name!r}: only runs of flexlink's native engine count them"
+        raise ArgumentError(text, id="engine-does-not-support")
+    return float(getattr(run.steps, {"steps": "taken"}.get(name, name)))
 
 
 class Measure(NamedTuple):
@@ -159,8 +152,8 @@ def _stated(run: Trajectory) -> float:
 
 
 MEASURES: Mapping[str, Measure] = {
-    "steps": Measure(_count("steps"), set()),
-    "evaluations": Measure(_count("evaluations"), set()),
+    "steps": Measure(lambda _output, run: _counted(run, "steps"), set()),
+    "evaluations": Measure(lambda _output, run: _counted(run, "evaluations"), set()),
     "error [m]": Measure(lambda _output, run: _stated(run), set()),
     "settling time [s]": Measure(
         lambda output, run: run.settling_time(

@@ -117,9 +117,8 @@ class Sweep(Spec, frozen=True):
                     raw[table] = documents.with_absolute_paths(folder, dict(documents.paths_of(raw[table], leaf)))
             sample = raw.get("sample")
             if isinstance(sample, dict) and isinstance(sample.get("keys"), dict):
-                sample["keys"] = documents.with_absolute_paths(
-                    folder, dict(documents.paths_of(sample["keys"], ("between", "mean", "deviation")))
-                )
+                files = dict(documents.paths_of(sample["keys"], ("between", "mean", "deviation")))
+                sample["keys"] = documents.with_absolute_paths(folder, files)
             sweep = cls(scene=scene, **{key: decode(value, fields[key].type, key) for key, value in raw.items()})
             Plan(sweep)
             return sweep
@@ -217,9 +216,8 @@ class Plan:
         columns = Counter(name.casefold() for name in (*ROW_COLUMNS, *keys, *outputs))
         for name in (*keys, *outputs):
             if columns[name.casefold()] > 1:
-                raise SceneError(
-                    f"{name}: two columns would have this name (case is ignored); rename one", id="column-twice"
-                )
+                why = f"{name}: two columns would have this name (case is ignored); rename one"
+                raise SceneError(why, id="column-twice")
             if not name or not name.isprintable():
                 raise SceneError(f"{truncated(name)}: is not a column name; use printable characters", id="column-name")
         if self.members > MAX_MEMBERS:

@@ -50,13 +50,11 @@ class Range(Spec, frozen=True):
         super().__post_init__()
         _check_ends(self.between, self.spacing)
         if (self.count is None) == (self.step is None):
-            raise SceneError(
-                "count, step: specify exactly one, the number of values or their distance", id="range-of-values"
-            )
+            why = "count, step: specify exactly one, the number of values or their distance"
+            raise SceneError(why, id="range-of-values")
         if self.step is not None and self.spacing == "log":
-            raise SceneError(
-                f"step = {self.step!r}: has no effect with spacing = 'log'; use count instead", id="range-of-values"
-            )
+            why = f"step = {self.step!r}: has no effect with spacing = 'log'; use count instead"
+            raise SceneError(why, id="range-of-values")
         if self.step is not None and (self.between[1] - self.between[0]) / self.step >= MAX_MEMBERS:
             raise SceneError(
                 f"step = {self.step!r}: gives more than {MAX_MEMBERS} values between {list(self.between)}; use a "
@@ -112,13 +110,11 @@ class Spread(Spec, frozen=True):
         super().__post_init__()
         normal = self.mean is not None and self.deviation is not None
         if (self.between is None) != normal or (self.mean is None) != (self.deviation is None):
-            raise SceneError(
-                "between: specify either between = [low, high], or mean and deviation", id="range-of-values"
-            )
+            why = "between: specify either between = [low, high], or mean and deviation"
+            raise SceneError(why, id="range-of-values")
         if normal and (self.whole or self.spacing == "log"):
-            raise SceneError(
-                "mean: a normal distribution takes neither whole nor spacing; remove them", id="range-of-values"
-            )
+            why = "mean: a normal distribution takes neither whole nor spacing; remove them"
+            raise SceneError(why, id="range-of-values")
         if self.whole and self.spacing == "log":
             raise SceneError("whole = True: not defined with spacing = 'log'; remove one of them", id="range-of-values")
         if self.between is not None:
@@ -164,9 +160,6 @@ class RandomDesign(Spec, frozen=True):
             )
 
 
-Listed = Range | list[Any]
-
-
 @dataclasses.dataclass(frozen=True)
 class Axis:
     """Keys that vary together: `at(k)` returns a value of every key for k = 0 … `count` − 1."""
@@ -188,10 +181,8 @@ def together_axis(table: Mapping[str, Any]) -> Axis:
     counts = {key: len(values) for key, values in lists.items()}
     if len(set(counts.values())) > 1:
         counted = truncated(counts)
-        raise SceneError(
-            f"together: lists of different lengths, {counted}; every key needs the same number of values",
-            id="range-of-values",
-        )
+        why = f"together: lists of different lengths, {counted}; every key needs the same number of values"
+        raise SceneError(why, id="range-of-values")
     columns = list(lists.values())
     return Axis(tuple(lists), len(columns[0]), lambda k: tuple(values[k] for values in columns))
 
@@ -209,14 +200,13 @@ def sample_axis(sample: RandomDesign) -> Axis:
     return Axis(tuple(sample.keys), sample.count, at)
 
 
-def _listed(path: str, values: Any) -> Listed:
+def _listed(path: str, values: Any) -> Range | list[Any]:
     if isinstance(values, dict):
         return decode(values, Range, path)
     if not isinstance(values, list | tuple):
         got = truncated(values)
-        raise SceneError(
-            f"{path} = {got}: expected a list of values, or {{ between = [a, b], count = n }}", id="range-of-values"
-        )
+        why = f"{path} = {got}: expected a list of values, or {{ between = [a, b], count = n }}"
+        raise SceneError(why, id="range-of-values")
     if not values:
         raise SceneError(f"{path} = []: empty; a sweep needs at least one value for every key", id="empty")
     return list(values)
@@ -232,9 +222,8 @@ def _spread(path: str, spread: Any) -> Callable[[float], Any]:
 def _check_ends(between: tuple[float, float], spacing: Spacing) -> None:
     low, high = between
     if not low <= high:
-        raise SceneError(
-            f"between = {list(between)}: the range is empty; the first end must not be larger", id="range-order"
-        )
+        why = f"between = {list(between)}: the range is empty; the first end must not be larger"
+        raise SceneError(why, id="range-order")
     if spacing == "log" and low <= 0:
         raise SceneError(f"between = {list(between)}: with spacing = 'log' both ends must be > 0", id="range-of-values")
 
@@ -247,11 +236,9 @@ def _check_ends(between: tuple[float, float], spacing: Spacing) -> None:
 # a Latin hypercube depend on each other.
 
 
-BLOCK = 1024
-"""Number of points to compute together; a power of two preserves the balance of Sobol's sequence."""
+BLOCK = 1024  # number of points to compute together; a power of two preserves the balance of Sobol's sequence
 
-DIGITS = 30
-"""Number of binary digits of Sobol's points."""
+DIGITS = 30  # number of binary digits of Sobol's points
 
 _halton_moves = Lock()
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from flexlink.chain.arguments import integer, require_bool, require_callable
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, FlexlinkError, InterruptedSweepError, SceneError
-from flexlink.common.interruption import Stop, deferred, word
+from flexlink.common.interruption import deferred, word
 from flexlink.common.wording import did_you_mean, plural, truncated
 from flexlink.data.documents import require_path
 from flexlink.engines import load
@@ -26,15 +26,10 @@ from flexlink.sweeps.workers import MAX_WORKERS, pool_of
 
 
 def sweep(
-    what: Sweep | str | Path,
-    *,
-    out: str | Path | None = None,
-    executor: Executor | Callable[[], Executor] | None = None,
-    workers: int = 1,
-    dask: str | None = None,
-    fresh: bool = False,
-    progress: Callable[[float], None] | None = None,
-) -> SweepRows:
+    what: Sweep | str | Path, *, out: str | Path | None = None,
+    executor: Executor | Callable[[], Executor] | None = None, workers: int = 1, dask: str | None = None,
+    fresh: bool = False, progress: Callable[[float], None] | None = None,
+) -> SweepRows:  # fmt: skip
     """Run every member of a sweep; each gives one row of outputs.
 
     Members with the same structure run eight at a time, side by side. A member that is refused, diverges, or crashes
@@ -101,12 +96,9 @@ def sweep(
 
 
 def fill(
-    store: Store,
-    executor: Executor | Callable[[], Executor] | None,
-    workers: int,
-    dask: str | None,
+    store: Store, executor: Executor | Callable[[], Executor] | None, workers: int, dask: str | None,
     progress: Callable[[float], None],
-) -> None:
+) -> None:  # fmt: skip
     """Run the members that have no row."""
     plan, done = store.plan, store.count()
     if done == plan.members:
@@ -119,14 +111,10 @@ def fill(
                 done += len(rows)
                 progress(done / plan.members)
         if done < plan.members:
-            raise _interrupted(store, stop, done)
-
-
-def _interrupted(store: Store, stop: Stop, done: int) -> InterruptedSweepError:
-    number = stop.signal or signal.SIGINT
-    rows = f"{done} of {plural(store.plan.members, 'row')} {'is' if done == 1 else 'are'}"
-    rows += f" in {store.path}; repeat the command to continue" if store.path else " lost; specify out to save them"
-    return InterruptedSweepError(f"{word(number)}; {rows}", number)
+            end = f"in {store.path}; repeat the command to continue" if store.path else "lost; specify out to save them"
+            text = f"{done} of {plural(plan.members, 'row')} {'is' if done == 1 else 'are'} {end}"
+            number = stop.signal or signal.SIGINT
+            raise InterruptedSweepError(f"{word(number)}; {text}", number)
 
 
 # Check before the first run that the keys, engines and output columns of a sweep exist.
@@ -138,7 +126,9 @@ def preflight(plan: Plan) -> None:
     columns: list[str] = []
     for number in {0, plan.members - 1}:
         with contextlib.suppress(FlexlinkError):  # the sweep reports the error in this member's row
-            columns += _columns(plan, number)
+            scene, _ = plan.member(number)
+            start = problem_of(scene)
+            columns += trajectory_from_states(start, scene.run.times[:1], start.q[None], start.qd[None]).columns
     if columns:
         of_runs = ("work [J]", "imbalance [J]")  # columns that a run has, but a single state lacks
         known = list(dict.fromkeys([*columns, *of_runs, DEFLECTION, *MEASURES]))
@@ -153,10 +143,3 @@ def preflight(plan: Plan) -> None:
     for engine in plan.engines:
         with contextlib.suppress(ArgumentError):  # an unknown engine, or one that does not support this chain
             load(engine, chain)
-
-
-def _columns(plan: Plan, number: int) -> list[str]:
-    """Names of the columns of a member's initial state."""
-    scene, _ = plan.member(number)
-    start = problem_of(scene)
-    return list(trajectory_from_states(start, scene.run.times[:1], start.q[None], start.qd[None]).columns)

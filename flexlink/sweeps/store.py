@@ -25,11 +25,9 @@ from flexlink.common.errors import ArgumentError, OutputError
 from flexlink.sweeps.plan import ROW_COLUMNS, Fingerprint, Plan, differences
 from flexlink.sweeps.worker import Row
 
-APPLICATION_ID = 0x666C7877
-"""SQLite application id of sweep databases, "flxw"; other databases are not touched."""
+APPLICATION_ID = 0x666C7877  # SQLite application id of sweep databases, "flxw"; other databases are not touched
 
-LOCK_TIMEOUT = 1.0
-"""Longest wait for a commit by another process [s]; a commit takes milliseconds."""
+LOCK_TIMEOUT = 1.0  # longest wait for a commit by another process [s]; a commit takes milliseconds
 
 
 class Store:
@@ -62,7 +60,8 @@ class Store:
         run("BEGIN EXCLUSIVE")  # must precede the check, because another sweep may be creating the same file
         if not _is_ours(self._db):
             kinds = ("INTEGER PRIMARY KEY", *["TEXT NOT NULL"] * 3, *[""] * (len(names) - 4))
-            columns = ", ".join(f"{_quoted(name)} {kind}" for name, kind in zip(names, kinds, strict=True))
+            quoted = [name.replace('"', '""') for name in names]
+            columns = ", ".join(f'"{name}" {kind}' for name, kind in zip(quoted, kinds, strict=True))
             run(f"PRAGMA application_id = {APPLICATION_ID}")
             run("CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL)")
             run(f"CREATE TABLE rows ({columns})")
@@ -76,10 +75,8 @@ class Store:
         stored = run("SELECT value FROM about WHERE name = 'identity'").fetchone()[0]
         changed = differences(json.loads(stored), json.loads(identity))
         if changed:
-            raise ArgumentError(
-                f"{self.path}: has rows of another sweep: {changed}; use another file, or start again (--fresh)",
-                id="rows-of-another-sweep",
-            )
+            why = f"{self.path}: has rows of another sweep: {changed}; use another file, or start again (--fresh)"
+            raise ArgumentError(why, id="rows-of-another-sweep")
         self._check_rows(names)
 
     def _check_rows(self, names: tuple[str, ...]) -> None:
@@ -121,7 +118,8 @@ class Store:
             with self._translated_errors("; earlier rows remain, and the same command continues from there"):
                 self._db.executemany(f"INSERT INTO rows VALUES ({marks})", lines)
                 self._add_checks(min(row.number for row in rows), max(row.number for row in rows))
-                self._commit()
+                self._db.execute("COMMIT")
+                self._db.execute("BEGIN IMMEDIATE")  # takes the lock again before another process can take it
             if self.path is not None and not self.path.exists():
                 gone = "was removed or renamed while the sweep ran, so its rows are lost; run the sweep again"
                 raise OutputError(f"{self.path}: {gone}", id="cannot-write")
@@ -150,11 +148,6 @@ class Store:
         """Names of the columns, and the rows in the order of their numbers."""
         found = self._db.execute("SELECT * FROM rows ORDER BY number")
         return [column[0] for column in found.description], iter(found)
-
-    def _commit(self) -> None:
-        """Commit the added rows, and take the lock again before another process can take it."""
-        self._db.execute("COMMIT")
-        self._db.execute("BEGIN IMMEDIATE")
 
     def _remove(self, path: Path) -> None:
         """Delete the database; raise an error if another process writes to it or it belongs to another program."""
@@ -202,11 +195,6 @@ def _is_ours(db: sqlite3.Connection) -> bool:
 def _sum(row: Sequence[Any]) -> int:
     """Checksum of a row."""
     return zlib.crc32(repr(list(row)).encode())
-
-
-def _quoted(name: str) -> str:
-    """Quote a name for SQL."""
-    return '"' + name.replace('"', '""') + '"'
 
 
 def _kept(value: Any) -> float | int | str | None:

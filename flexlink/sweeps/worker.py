@@ -64,10 +64,8 @@ def rows_of(text: bytes, theirs: str, numbers: Sequence[int]) -> tuple[list[Row]
 def handshake(text: bytes, theirs: str) -> None:
     """Check that the worker has the same version of flexlink as the main process, and can decode the sweep."""
     if theirs != version():
-        raise EngineError(
-            f"a worker has flexlink {version()}, but the sweep was started by flexlink {theirs}; install the same one",
-            id="versions-differ",
-        )
+        why = f"a worker has flexlink {version()}, but the sweep was started by flexlink {theirs}; install the same one"
+        raise EngineError(why, id="versions-differ")
     plan_of(text)
 
 

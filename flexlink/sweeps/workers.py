@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import multiprocessing
 import os
 import signal
@@ -13,17 +12,15 @@ from multiprocessing.connection import Connection, wait
 from threading import Thread
 from typing import Any
 
-from flexlink.common.errors import ArgumentError, EngineError, MissingDependencyError, how_to_install
+from flexlink.common.errors import ArgumentError, EngineError, imported
 from flexlink.common.wording import truncated
 
-TASKS_PER_WORKER = 2
-"""Number of queued tasks per worker: one that runs, and one that is ready."""
+TASKS_PER_WORKER = 2  # number of queued tasks per worker: one that runs, and one that is ready
 
 MAX_WORKERS = 1024
 """Largest number of processes; no machine has more cores, and this number needs a few hundred gigabytes of memory."""
 
-DASK_TIMEOUT = 10
-"""Longest wait for an answer of the scheduler and for its first worker [s]."""
+DASK_TIMEOUT = 10  # longest wait for an answer of the scheduler and for its first worker [s]
 
 
 class InThread(Executor):
@@ -106,9 +103,8 @@ def pool_of(executor: Executor | Callable[[], Executor] | None, workers: int, da
     elif callable(executor):
         yield from _own(WorkerPool(executor, TASKS_PER_WORKER * (os.cpu_count() or 1), again=True))
     elif executor is not None:
-        raise ArgumentError(
-            f"executor = {truncated(executor)}: expected a concurrent.futures.Executor or a function", id="wrong-type"
-        )
+        why = f"executor = {truncated(executor)}: expected a concurrent.futures.Executor or a function"
+        raise ArgumentError(why, id="wrong-type")
     elif dask is not None:
         yield from _on_cluster(dask)
     elif workers > 1:
@@ -126,12 +122,7 @@ def _own(pool: WorkerPool) -> Iterator[WorkerPool]:
 
 def _on_cluster(address: str) -> Iterator[WorkerPool]:
     """Pool on the cluster of a Dask scheduler at an address, for example tcp://10.0.0.1:8786."""
-    try:
-        distributed = importlib.import_module("distributed")
-    except ImportError:
-        raise MissingDependencyError(
-            f"a Dask cluster needs distributed; install it with: {how_to_install('dask')}", id="package-missing"
-        ) from None
+    distributed = imported("distributed", "a Dask cluster needs distributed;", "dask")
     try:
         client = distributed.Client(address, timeout=DASK_TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as error:
@@ -140,9 +131,8 @@ def _on_cluster(address: str) -> Iterator[WorkerPool]:
         try:
             client.wait_for_workers(1, timeout=DASK_TIMEOUT)
         except TimeoutError:
-            raise EngineError(
-                f"{address}: the scheduler has no workers; start some with: dask worker {address}", id="no-scheduler"
-            ) from None
+            why = f"{address}: the scheduler has no workers; start some with: dask worker {address}"
+            raise EngineError(why, id="no-scheduler") from None
         yield WorkerPool(client.get_executor, TASKS_PER_WORKER * max(4, sum(client.nthreads().values())))
 
 

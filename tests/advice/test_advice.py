@@ -504,7 +504,7 @@ class KnownRunner(ModelRunner):
         super().__init__(scene, budget)
         self.world = world
 
-    def _run(self, model: Model, stepping: Stepping, initial: object = None) -> Outcome:
+    def run_from(self, initial: object, model: Model, stepping: Stepping) -> Outcome:
         self.count += 1
         hinges = sum(len(bend.flex) * bend.hinges for bend in model if bend)
         seconds = 1e-6 * (1 + hinges) * ((stepping.tolerance or 1e-3) / 1e-3) ** -0.25

@@ -1,6 +1,7 @@
 """Display in notebooks: a compact table of every object, and every picture once."""
 
 import html
+import importlib
 from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
@@ -12,7 +13,6 @@ import pytest
 
 import flexlink as fl
 from flexlink.advice.verdict import Advice, time
-from flexlink.common import notebook
 from flexlink.pages.numbers import number
 from flexlink.pages.tables import table_csv
 from flexlink.pages.verdict import Report, Verdict
@@ -144,7 +144,7 @@ def missing(name: str) -> None:
 @pytest.mark.parametrize("name", ["scene", "chain", "run", "modes"])
 def test_without_matplotlib_a_plot_is_refused(shown: dict[str, Any], name: str, monkeypatch) -> None:
     load: Callable[[str], None] = missing
-    monkeypatch.setattr(notebook.importlib, "import_module", load)
+    monkeypatch.setattr(importlib, "import_module", load)
     with refused(fl.errors.MissingDependencyError, "package-missing"):
         shown[name].plot(*([shown["chain"]] if name == "modes" else []))
 

@@ -51,14 +51,10 @@ class Signal:
         while stop > len(self._t):
             self._t, self._u, self._z = (np.concatenate([a, np.empty_like(a)]) for a in (self._t, self._u, self._z))
         self._t[first:stop], self._u[first:stop] = t, u
-        if len(self.chain.B):
-            self._follow(first, stop)
-
-    def _follow(self, first: int, stop: int) -> None:
         if not first:
             self._z[0] = self._u[0][:, None] * self.chain.settled
             first = 1
-        if first == stop:
+        if first == stop or not len(self.chain.B):
             return
         before, Δu = slice(first - 1, stop - 1), np.diff(self._u[first - 1 : stop], axis=0)
         Φ, Γ, Ψ, which = self._transitions(np.diff(self._t[first - 1 : stop]))
@@ -94,7 +90,7 @@ class Instrument:
     """The instrument of a sensor. If it has no sampling rate, its noise changes every `between` seconds."""
 
     def __init__(self, sensor: Sensor, between: float) -> None:
-        self.sensor, self.between, self.rate = sensor, between, sensor.rate or 1 / between
+        self.sensor, self.rate = sensor, sensor.rate or 1 / between
         self.signal = Signal(len(sensor.components), sensor.filters)
 
     def readings(self, times: Array) -> Array:
@@ -112,13 +108,6 @@ class Instrument:
         if sensor.resolution is not None:
             shown = np.round(shown / sensor.resolution) * sensor.resolution
         return np.asarray(shown)
-
-    @property
-    def known_at_samples(self) -> bool:
-        """Whether readings use only values of the signal at the run's samples, without filtering or interpolation."""
-        sensor, apart = self.sensor, self.between
-        times = [sensor.delay, *([] if sensor.rate is None else [1 / sensor.rate])]
-        return not sensor.filters and all(is_whole(time / apart) for time in times)
 
 
 class Readings:
@@ -159,8 +148,9 @@ def coarse_samples(scene: Scene, run: Samples) -> Iterator[Diagnostic]:
     """
     # fewer samples do not allow an estimate
     for sensor in scene.sensor if len(run.t) > 8 else ():
-        if Instrument(sensor, scene.run.spacing).known_at_samples:
-            continue
+        times = [sensor.delay, *([] if sensor.rate is None else [1 / sensor.rate])]
+        if not sensor.filters and all(is_whole(time / scene.run.spacing) for time in times):
+            continue  # readings use only values of the signal at the run's samples
         plain = sensor.ideal
         signal = signal_of(sensor, scene, run).T
         fine, coarse = _shown(plain, scene, run.t, signal), _shown(plain, scene, run.t[::2], signal[::2])
@@ -174,10 +164,8 @@ def coarse_samples(scene: Scene, run: Samples) -> Iterator[Diagnostic]:
             )
 
 
-BLOCK = 256
-"""Number of noise values generated at once."""
-HALVINGS = 30
-"""Halvings of a second; a walk is linear in the intervals of 1 ns that result."""
+BLOCK = 256  # number of noise values generated at once
+HALVINGS = 30  # halvings of a second; a walk is linear in the intervals of 1 ns that result
 
 
 def noise(key: str, instants: Array) -> Array:

@@ -76,9 +76,8 @@ def gauge_strain(sensor: Sensor, scene: Scene, q: Array) -> Array:
         strain: Array = found.strain[..., nearest] @ weights
         return strain
     beam = TableBeam(link.beam.length, scene.arm.rigidities[link.rigidity])
-    there, here = (
-        beam.rigidities(x)[1:] for x in (known_at(scene, number)[nearest], np.array([position / beam.length]))
-    )
+    places = known_at(scene, number)[nearest], np.array([position / beam.length])
+    there, here = (beam.rigidities(x)[1:] for x in places)
     κ_y, κ_z = (found.curvature[..., nearest, k + 1] @ (weights * there[k]) / here[k] for k in range(2))
     return np.asarray(z * κ_y - y * κ_z)
 

@@ -26,9 +26,7 @@ from flexlink.dynamics.derivatives import forward_dynamics_derivatives
 from flexlink.dynamics.placement import jacobian, tip_position
 from flexlink.dynamics.terms import mass_matrix
 
-DIFFERENCES = (
-    np.array([[-3.0, 27.0, -135.0, 0.0, 135.0, -27.0, 3.0], [2.0, -27.0, 270.0, -490.0, 270.0, -27.0, 2.0]]) / 180
-)
+DIFFERENCES = np.array([[-3, 27, -135, 0, 135, -27, 3], [2, -27, 270, -490, 270, -27, 2]]) / 180
 """Central differences of order 6 for q̇ and q̈, in units of the spacing, shape (2, 7)."""
 
 
@@ -160,9 +158,5 @@ def transmission_zeros(chain: Chain, q: Array, wrench: Array) -> tuple[Complex, 
     one, none = np.eye(m), np.zeros((m, m))
     left, right = np.block([[none, one], [-G, -F]]), np.block([[one, none], [none, E]])
     both = [scipy.linalg.eigvals(left, right), np.sqrt(scipy.linalg.eigvals(-G, E).astype(complex))]
-    damped, undamped = (each[np.isfinite(each)] for each in both)
-    return _slowest_first(damped), _slowest_first(undamped)
-
-
-def _slowest_first(zeros: Complex) -> Complex:
-    return np.asarray(zeros[np.argsort(np.abs(zeros), kind="stable")])
+    damped, undamped = (np.array(sorted(each[np.isfinite(each)], key=abs), dtype=complex) for each in both)
+    return damped, undamped

@@ -113,10 +113,8 @@ def _require_effort(scene: Scene, chain: Chain, found: Feedforward) -> None:
     spare = float(((effort - np.abs(held).max(axis=0)) / np.maximum(moving, 1e-300)).min())
     remedy = f"take a move of {1.005 * found.move.duration / np.sqrt(spare):.3g} s" if spare > 0 else "raise the limit"
     joint = f"joint {chain.link_names[links[k]]!r} needs {most[k]:.4g} {chain.torque_units[chain.active[k]]}"
-    raise SceneError(
-        f"drive.effort = {effort[k]:g}: {joint} for this move in {found.move.duration:g} s; {remedy}",
-        id="move-beyond-effort",
-    )
+    why = f"drive.effort = {effort[k]:g}: {joint} for this move in {found.move.duration:g} s; {remedy}"
+    raise SceneError(why, id="move-beyond-effort")
 
 
 def directions_of(chain: Chain, postures: Array) -> Array:

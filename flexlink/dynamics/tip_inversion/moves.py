@@ -40,15 +40,12 @@ def move_of(scene: Scene, chain: Chain, to: ArrayLike | None, duration: float | 
             raise ArgumentError("duration: missing; a move to a point needs one [s]", id="missing-key")
         return _straight(scene, chain, vector("to", to, 3), positive("duration", duration), wrench)
     if duration is not None:
-        raise ArgumentError(
-            f"duration = {duration!r}: needs to, a point; else set drive.reference.duration",
-            id="needs-another-argument",
-        )
+        why = f"duration = {duration!r}: needs to, a point; else set drive.reference.duration"
+        raise ArgumentError(why, id="needs-another-argument")
     course = unshaped(scene).course
     if course is None:
-        raise SceneError(
-            "drive.reference: missing; it is the move that the tip follows; or pass a point to", id="missing-key"
-        )
+        why = "drive.reference: missing; it is the move that the tip follows; or pass a point to"
+        raise SceneError(why, id="missing-key")
     moving = course.coefficients[:, 1:].any(axis=(1, 2))
     if not moving.any():
         raise SceneError("drive.reference: no joint moves; choose another target", id="no-travel")

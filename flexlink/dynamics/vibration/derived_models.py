@@ -80,8 +80,7 @@ def with_queue(A: Array, B: Array, period: float, late: Sequence[Delay]) -> tupl
     return found, by_input
 
 
-Matrices = tuple[Array, Array, Array, Array]
-"""A, B, C, D of a linear system."""
+Matrices = tuple[Array, Array, Array, Array]  # A, B, C, D of a linear system
 
 
 def discrete(matrices: Matrices, period: float, delay: ArrayLike, delays: Array) -> tuple[Matrices, list[int]]:
@@ -136,8 +135,7 @@ def _values(matrices: Matrices, period: float, late: Sequence[Delay], time: floa
 # Systems, 2005, sections 9.2 and 11.2).
 
 
-Solve = Callable[[Array], Array]
-"""S x, or Sᵀ x, for columns x."""
+Solve = Callable[[Array], Array]  # S x, or Sᵀ x, for columns x
 
 
 class SlowPart(NamedTuple):

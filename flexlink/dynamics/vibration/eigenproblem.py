@@ -194,13 +194,11 @@ CLOSE = 1e-9
 """Largest correction of a converged mode shape, relative to its largest entry. The error of ω² is of the order of this
 number squared, unless damping or rotation couples the modes."""
 
-GUARD = 4
-"""Number of initial rows of W in addition to the modes wanted."""
+GUARD = 4  # number of initial rows of W in addition to the modes wanted
 ROUNDS = 16
 """Largest number of iterations. 5 to 7 suffice unless modes lie very close together, as overdamped modes may."""
 
-NEARLY = 1e-9
-"""Relative difference of ω² up to which two modes are considered equal."""
+NEARLY = 1e-9  # relative difference of ω² up to which two modes are considered equal
 
 
 class Subspace:

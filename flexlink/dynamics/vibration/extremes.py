@@ -16,11 +16,9 @@ from flexlink.kernels.forward.mass_plus_shapes import ShapedPosture, shaped_post
 from flexlink.kernels.forward.mass_plus_space import SpacePosture, space_posture
 from flexlink.kernels.forward.power_iteration import largest_eigenvalue, smallest_square
 
-FOUND = Memo(256)
-"""Cache of frequencies by chain and configuration, shared by the runs of one scene."""
+FOUND = Memo(256)  # cache of frequencies by chain and configuration, shared by the runs of one scene
 
-PASSES = 30
-"""Largest number of power iterations."""
+PASSES = 30  # largest number of power iterations
 CLOSE = 1e-2
 """Relative change of ω² below which power iterations end; error weights and the choice of a method need no more."""
 

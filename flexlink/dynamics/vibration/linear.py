@@ -141,7 +141,9 @@ def _model(
 ) -> LinearModel:  # fmt: skip
     """The model about a state q, q̇, q̈, T_EX."""
     (q, qd, qdd, tau), n = state, chain.n
-    found = [output for each in wanted for output in _outputs(each, chain, q, qd, qdd, tau)]
+    found = list[Output]()
+    for each in wanted:
+        found += [OUTPUTS[each](chain, q, qd)] if isinstance(each, str) else each.outputs(chain, q, qd, qdd, tau)
     driven = chain.active
     by_input = slopes.dtau[:, driven]
     if tip_force:
@@ -178,8 +180,7 @@ def _by_shapes(model: LinearModel, chain: Chain, q: Array) -> LinearModel:
     )  # fmt: skip
 
 
-TIP_FORCE = tuple(f"tip force {axis} [N]" for axis in "xyz")
-"""Names of the inputs for a force on the tip."""
+TIP_FORCE = tuple(f"tip force {axis} [N]" for axis in "xyz")  # names of the inputs for a force on the tip
 
 
 def _without(model: LinearModel, angles: NDArray[np.intp]) -> LinearModel:
@@ -214,10 +215,6 @@ def _put_outputs(
             z[block.start - 2 * n : at - 2 * n] = settled * output.signal[k]
             states += [f"{FILTER}{i} {name}" for i in range(1, len(b) + 1)]
     return C, D, z, tuple(states)
-
-
-def _outputs(source: str | OutputSource, chain: Chain, q: Array, qd: Array, qdd: Array, tau: Array) -> Sequence[Output]:
-    return [OUTPUTS[source](chain, q, qd)] if isinstance(source, str) else source.outputs(chain, q, qd, qdd, tau)
 
 
 def _checked(outputs: object) -> list[str | OutputSource]:

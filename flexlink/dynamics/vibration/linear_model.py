@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import integer, positive
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import ArgumentError, MissingDependencyError, how_to_install
+from flexlink.common.errors import ArgumentError, imported
 from flexlink.common.types import Array, Complex
 from flexlink.common.wording import plural, truncated
 from flexlink.dynamics.filters import LinearFilter, linear_filter
@@ -20,8 +20,7 @@ from flexlink.dynamics.placement import jacobian, tip_position
 from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.vibration.derived_models import balanced_part, delay_in, discrete, slow_part
 
-FILTER = "filter "
-"""Prefix in the names of filter states."""
+FILTER = "filter "  # prefix in the names of filter states
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -109,9 +108,8 @@ class LinearModel(SavedResult):
         """
         f = np.atleast_1d(np.asarray(hertz, np.float64))
         if f.ndim != 1 or not (np.isfinite(f).all() and (f >= 0).all()):
-            raise ArgumentError(
-                f"hertz = {truncated(hertz)}: expected finite frequencies >= 0, shape (k,)", id="wrong-value"
-            )
+            why = f"hertz = {truncated(hertz)}: expected finite frequencies >= 0, shape (k,)"
+            raise ArgumentError(why, id="wrong-value")
         one, found = np.eye(len(self.A)), np.empty((len(f), *self.D.shape), complex)
         for k, s in enumerate(np.exp(2j * np.pi * f * self.dt) if self.dt else 2j * np.pi * f):
             left = s * one - self.A
@@ -119,10 +117,8 @@ class LinearModel(SavedResult):
             try:
                 found[k] = self.C @ np.linalg.solve(left / size, self.B / size) + self.D
             except np.linalg.LinAlgError:
-                raise ArgumentError(
-                    f"hertz = {f[k]:g}: the response is infinite, since the model has a pole there",
-                    id="infinite-response",
-                ) from None
+                why = f"hertz = {f[k]:g}: the response is infinite, since the model has a pole there"
+                raise ArgumentError(why, id="infinite-response") from None
         return np.asarray(found * np.exp(-2j * np.pi * f[:, None] * self.delays)[:, :, None])
 
     def sampled(self, rate: float, delay: float = 0.0) -> LinearModel:
@@ -201,9 +197,8 @@ class LinearModel(SavedResult):
         """
         self._require_continuous()
         if (states is None) == (hertz is None):
-            raise ArgumentError(
-                f"states = {states!r}, hertz = {hertz!r}: specify one of them, such as states = 8", id="both-given"
-            )
+            why = f"states = {states!r}, hertz = {hertz!r}: specify one of them, such as states = 8"
+            raise ArgumentError(why, id="both-given")
         if hertz is not None:
             states = int((np.abs(self.eigenvalues) <= 2 * np.pi * positive("hertz", hertz)).sum())
         slow = slow_part(self.A, self.B, self.C, integer("states", states, 1, len(self.A)))
@@ -279,13 +274,7 @@ class LinearModel(SavedResult):
             An output has a delay, which only the `sampled` model contains.
         """
         self._require_no_delay()
-        try:
-            from control import ss  # noqa: PLC0415
-        except ImportError:
-            raise MissingDependencyError(
-                f"control() needs python-control; install it with: {how_to_install('control')}",
-                id="package-missing",
-            ) from None
+        ss = imported("control", "control() needs python-control;", "control").ss
         lists = {"states": self.states, "inputs": self.inputs, "outputs": self.outputs}
         names = {kind: [name.replace(".", "_") for name in each] for kind, each in lists.items()}
         system = ss(self.A, self.B, self.C, self.D, self.dt, **names)
@@ -307,10 +296,8 @@ class LinearModel(SavedResult):
 
     def _require_continuous(self) -> None:
         if self.dt:
-            raise ArgumentError(
-                f"model: sampled every {self.dt:g} s; expected a continuous-time model, as from linearize",
-                id="wrong-type",
-            )
+            why = f"model: sampled every {self.dt:g} s; expected a continuous-time model, as from linearize"
+            raise ArgumentError(why, id="wrong-type")
 
     def _require_no_delay(self) -> None:
         if self.delays.any():

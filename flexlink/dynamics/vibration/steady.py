@@ -136,19 +136,16 @@ def _moving(chain: Chain, rates: Mapping[str, float], locked: Joints) -> tuple[A
     """Rates of all joints (n,), 0 for joints that are not named, and the indices of the held joints."""
     turning = np.zeros(require_type("chain", chain, Chain).n)
     if not isinstance(rates, Mapping) or not rates:
-        raise ArgumentError(
-            f"rates = {truncated(rates)}: expected a dict such as {{'hub': 50.0}}, in rad/s", id="wrong-type"
-        )
+        why = f"rates = {truncated(rates)}: expected a dict such as {{'hub': 50.0}}, in rad/s"
+        raise ArgumentError(why, id="wrong-type")
     named = [steady_joint(chain, name) for name in rates]
     for k, (name, rate) in zip(named, rates.items(), strict=True):
         turning[k] = vector(f"rates[{name!r}]", [rate], 1)[0]
     held = chain.joint_indices("locked", locked)
     for k in named:
         if k in held and turning[k]:
-            raise ArgumentError(
-                f"locked: {chain.joint_name(k)!r} moves with a rate of {turning[k]:g}; leave it out",
-                id="locked-and-moving",
-            )
+            why = f"locked: {chain.joint_name(k)!r} moves with a rate of {turning[k]:g}; leave it out"
+            raise ArgumentError(why, id="locked-and-moving")
     return turning, np.union1d(named, held).astype(np.intp)
 
 
@@ -156,15 +153,12 @@ def steady_joint(chain: Chain, name: str) -> int:
     """Index of the joint called `name`; refuses locked joints and hinges with springs."""
     k = chain.joint_index("rates", name, perhaps_locked=True)
     if k < 0:
-        raise ArgumentError(
-            f"rates: {name!r} is locked in the scene; set its joint.locked to false, so that it moves at its rate",
-            id="locked-and-moving",
-        )
+        why = f"rates: {name!r} is locked in the scene; set its joint.locked to false, so that it moves at its rate"
+        raise ArgumentError(why, id="locked-and-moving")
     if chain.coordinates[k].kind not in (Kind.JOINT, Kind.BASE):
         driven = ", ".join(chain.joint_name(int(each)) for each in chain.active)
-        raise ArgumentError(
-            f"rates: {name!r} is a hinge with a spring; name a driven joint: {driven}", id="rate-of-hinge"
-        )
+        why = f"rates: {name!r} is a hinge with a spring; name a driven joint: {driven}"
+        raise ArgumentError(why, id="rate-of-hinge")
     return k
 
 
@@ -172,11 +166,10 @@ def _check_steady(chain: Chain, steady: LoadedState) -> None:
     """Refuse a motion along which torques, M or K of the free coordinates change."""
     step = steady.qd / np.abs(steady.qd / rounding.scales(chain)).max()
     now = _scaled_terms(chain, steady.q, steady)
+    terms = "the torques on", "the inertia of", "the stiffness of"
     for far in LATER:
         then = _scaled_terms(chain, steady.q + far * step, steady)
-        for what, before, after in zip(
-            ("the torques on", "the inertia of", "the stiffness of"), now, then, strict=True
-        ):
+        for what, before, after in zip(terms, now, then, strict=True):
             if np.abs(after - before).max() > SAME:
                 moving = ", ".join(chain.joint_name(int(k)) for k in np.flatnonzero(steady.qd))
                 raise ArgumentError(
@@ -227,5 +220,4 @@ def first_elastic_frequency(
     return modes_at_rest(chain, rest, tip_wrench=tip_wrench, frame=frame).first_elastic_hertz
 
 
-FEW = 8
-"""Number of modes computed first; for a long chain this is much cheaper than computing all of them."""
+FEW = 8  # number of modes computed first; for a long chain this is much cheaper than computing all of them

@@ -26,8 +26,10 @@ def made(study: Study) -> Part | None:
     choices = about.choices()
     pictures = [picture for picture in (_in_time(about), _prices(choices)) if picture is not None]
     sentences = (*_hinge_error(about), _step_error(about), _costs(about, choices))
-    verdicts, tables = (_verdict(about), _cost(choices[0], study)), (_table(about, choices),)
-    return Part(tuple(filter(None, sentences)), verdicts, tuple(pictures), tables)
+    own = choices[0].seconds
+    cost = f"CPU time of the steps: {number(study.scene.run.duration / own)} × real-time speed."
+    verdicts = _verdict(about), Verdict("Cost", "info", _seconds(own), cost)
+    return Part(tuple(filter(None, sentences)), verdicts, tuple(pictures), (_table(about, choices),))
 
 
 def _hinge_error(about: Refinement) -> list[str]:
@@ -84,9 +86,8 @@ def _costs(about: Refinement, choices: Sequence[Choice]) -> str:
         better = [one for one in known if one.error < 0.9 * own.error]  # clearly smaller errors, not nearly equal ones
         if cheaper:
             best = min(cheaper, key=lambda one: one.error)
-            sentences.append(
-                f"Best cheaper choice: {best.label} ({_seconds(best.seconds)}, tip error {_length(best.error)})."
-            )
+            cost = f"{_seconds(best.seconds)}, tip error {_length(best.error)}"
+            sentences.append(f"Best cheaper choice: {best.label} ({cost}).")
         if better:
             least = min(better, key=lambda one: one.seconds)
             sentences.append(
@@ -111,11 +112,6 @@ def _verdict(about: Refinement) -> Verdict:
     return Verdict("Model error", state, _length(error), text)
 
 
-def _cost(own: Choice, study: Study) -> Verdict:
-    faster = study.scene.run.duration / own.seconds
-    return Verdict("Cost", "info", _seconds(own.seconds), f"CPU time of the steps: {number(faster)} × real-time speed.")
-
-
 def _table(about: Refinement, choices: Sequence[Choice]) -> Table:
     heads = ("choice", "degrees of freedom", "steps", "tip error [m]", "CPU time [s]", "× real time", "remark")
     duration = about.scene.run.duration
@@ -134,11 +130,10 @@ def _in_time(about: Refinement) -> Picture | None:
         return None
     figure, (axes,) = stacked_axes(1, 3.2)
     columns: dict[str, np.ndarray] = {"t [s]": about.run.t}
-    curves = {"this scene": about.run.tip} | {
-        about.times_the_hinges(factor, f"{factor:g} ×"): outcome.tip
-        for factor, outcome in about.cuts.items()
-        if factor != 1.0
-    }
+    curves = {"this scene": about.run.tip}
+    for factor, outcome in about.cuts.items():
+        if factor != 1.0:
+            curves[about.times_the_hinges(factor, f"{factor:g} ×")] = outcome.tip
     for place, (label, tip) in enumerate(curves.items()):
         off = np.linalg.norm(tip - about.limit.tip, axis=1)
         columns[f"{label} [m]"] = off

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexlink.common.types import Array
 from flexlink.dynamics import rounding
 from flexlink.pages.colours import BLUE, CYCLE, INK
 from flexlink.pages.numbers import number, percent
@@ -13,7 +12,6 @@ from flexlink.pages.picture import Picture
 from flexlink.pages.style import legend_over, stacked_axes, tidy_linear
 from flexlink.pages.tables import columns_csv
 from flexlink.pages.verdict import State, Verdict
-from flexlink.results.trajectory import Trajectory
 from flexlink.scene_report.study import Study
 
 
@@ -25,14 +23,13 @@ def made(study: Study) -> Part | None:
     imbalance, exchanged = np.abs(run.imbalance), float(run.exchanged[-1])
     worst = int(np.argmax(imbalance))
     share = float(imbalance[worst]) / exchanged if exchanged > 0 else 0.0
-    once, steps = _rounding(run), run.steps.taken if run.steps is not None else 0
+    assert run.work is not None
+    once = rounding.of_energy_balance(run.chain, run.energy.parts, run.work, run.q)  # rounding error of one evaluation
+    steps = run.steps.taken if run.steps is not None else 0
     nothing = 1e6  # the arm counts as at rest if it exchanges less energy than this multiple of the rounding error
     still = exchanged <= nothing * float(once[-1])
-    of = (
-        "; the arm is at rest and exchanges no energy"
-        if still
-        else f", {percent(share)} of the {number(exchanged)} J exchanged"
-    )
+    of = f", {percent(share)} of the {number(exchanged)} J exchanged"
+    of = "; the arm is at rest and exchanges no energy" if still else of
     text = f"Largest energy error: {number(imbalance[worst])} J at {number(run.t[worst])} s{of}."
     meant = (
         "Energy error = E − E(0) − W. E: kinetic, gravity and elastic energy. W: work of drives, friction, damping and "
@@ -42,12 +39,6 @@ def made(study: Study) -> Part | None:
     state: State = "pass" if share <= good or still or bool((imbalance <= (1 + steps) * once).all()) else "doubt"
     verdict = Verdict("Energy", state, "balanced" if state == "pass" else "poorly balanced", text)
     return Part((text, meant), (verdict,), (_picture(study),))
-
-
-def _rounding(run: Trajectory) -> Array:
-    """Return the rounding error of one evaluation of the energy balance at each sample [J]."""
-    assert run.work is not None
-    return rounding.of_energy_balance(run.chain, run.energy.parts, run.work, run.q)
 
 
 def _picture(study: Study) -> Picture:

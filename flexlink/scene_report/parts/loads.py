@@ -15,9 +15,8 @@ from flexlink.pages.tables import Cell, Table, columns_csv
 from flexlink.pages.verdict import Fact
 from flexlink.results.pictures.colouring import colouring
 from flexlink.results.pictures.film import placed
-from flexlink.results.pictures.outline import Outline, has_rectangle_instead, outline_of
+from flexlink.results.pictures.outline import has_rectangle_instead, outline_of
 from flexlink.results.samples import RunSamples, picked
-from flexlink.results.trajectory import Trajectory
 from flexlink.scene_report.study import Study
 
 
@@ -36,31 +35,21 @@ def made(study: Study) -> Part:
     if driven:
         for kind, joints in reversed([*chain.by_unit(driven)]):
             most = max(joints, key=lambda k: peaks[k])
-            peak = f"{number(float(peaks[most]))} {kind.torque} at {chain.joint_name(most)}"
-            sentences.insert(1, f"Largest drive {kind.load}: {peak}.")
-    facts = _stress(run)
+            largest = f"{number(float(peaks[most]))} {kind.torque} at {chain.joint_name(most)}"
+            sentences.insert(1, f"Largest drive {kind.load}: {largest}.")
+    peak, facts = peak_stress(run), tuple[Fact, ...]()
+    if peak is not None and peak.pascals != 0.0:
+        where = f"{peak.link}, {number(peak.along)} m from its root, at {number(peak.time)} s"
+        section = "; section treated as a rectangle" if peak.rectangle else ""
+        facts = (Fact(f"{number(1e-6 * peak.pascals)} MPa", f"Largest bending stress of the run ({where}{section})"),)
     sentences[1:1] = [f"{fact.label}: {fact.value}." for fact in facts]
     return Part(tuple(sentences), facts=facts, pictures=(_picture(study, driven),), tables=(_table(study),))
-
-
-def _stress(run: Trajectory) -> tuple[Fact, ...]:
-    peak = peak_stress(run)
-    if peak is None or peak.pascals == 0.0:
-        return ()
-    where = f"{peak.link}, {number(peak.along)} m from its root, at {number(peak.time)} s"
-    section = "; section treated as a rectangle" if peak.rectangle else ""
-    return (Fact(f"{number(1e-6 * peak.pascals)} MPa", f"Largest bending stress of the run ({where}{section})"),)
 
 
 def _place(study: Study, body: int) -> str:
     chain = study.chain
     first, stop = int(chain.bodies["first"][body]), int(chain.bodies["stop"][body])
     return chain.joint_name(first) if stop > first else f"body {body} (fixed)"
-
-
-def _cuts(study: Study) -> list[int]:
-    """Return the bodies at the roots of the links, one for every driven joint."""
-    return [study.chain.body(int(k)) for k in study.chain.active] or [0]
 
 
 def _table(study: Study) -> Table:
@@ -86,7 +75,7 @@ def _picture(study: Study, driven: list[int]) -> Picture:
     run, chain = study.run, study.chain
     figure, axes = stacked_axes(2 if driven else 1, 2.2)
     columns = {"t [s]": run.t}
-    for place, body in enumerate(_cuts(study)):
+    for place, body in enumerate([chain.body(int(k)) for k in chain.active] or [0]):  # at the roots of the links
         name = f"bending {_place(study, body)} [N m]"
         columns[name] = np.linalg.norm(run.loads.moment[:, body, 1:], axis=1)
         label = _place(study, body) if place < NAMED_CURVES else None
@@ -134,14 +123,10 @@ def peak_stress(run: RunSamples) -> PeakStress | None:
         row, station = np.unravel_index(int(np.nanargmax(stress)), stress.shape)
         link = arm.links[outline.link[station] - 1]
         if best is None or stress[row, station] > best.pascals:
+            begin, end = outline.pieces[outline.piece[station]].part
+            along = float(begin + outline.part[station] * (end - begin))  # as a fraction of the link's length
             best = PeakStress(
-                float(stress[row, station]), link.name, _along(outline, int(station)) * float(link.beam.length),
+                float(stress[row, station]), link.name, along * float(link.beam.length),
                 float(part.t[row]), bool(link.section and has_rectangle_instead(arm.sections[link.section])),
             )  # fmt: skip
     return best
-
-
-def _along(outline: Outline, station: int) -> float:
-    """Position of a station as a fraction of its link's length."""
-    begin, end = outline.pieces[outline.piece[station]].part
-    return float(begin + outline.part[station] * (end - begin))

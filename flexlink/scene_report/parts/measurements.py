@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from flexlink.common.wording import plural
 from flexlink.data.measured import read_measured
 from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
-from flexlink.pages.numbers import number
+from flexlink.pages.numbers import number, percent
 from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import legend_over, stacked_axes
@@ -34,30 +34,29 @@ def made(study: Study) -> Part | None:
         )
         return Part((text,), (Verdict("Measurements", "fail", "not compared", text),))
     fits = comparison.fits
-    best = fits[0] if fits and _explains(fits[0]) else None
+    best = fits[0] if fits else None
+    # the cause removes most of the mean square difference, by a change of over two standard deviations
+    if best and not (best.explained > 0.5 and abs(best.value - best.number.value) > 2 * best.spread):
+        best = None
     first = (
         f"{study.against.name}: {plural(len(comparison.measured), 'column')}, {len(comparison.t)} samples from "
         f"{number(float(comparison.t[0]))} to {number(float(comparison.t[-1]))} s"
     )
     first += f"; {comparison.left_out} outside the run are ignored." if comparison.left_out else "."
-    sentences = (first, _about_difference(study, comparison), *_about_fits(fits, best))
+    off, name = _worst(study, comparison)
+    size = float(np.nanmax(comparison.measured[name]) - np.nanmin(comparison.measured[name]))
+    share = f", {percent(off / size)} of the measured range" if size > 0 else ""
+    difference = f"RMS difference: {_with_unit(off, name)} in {_bare(name)}{share}."
+    sentences = (first, difference, *_about_fits(fits, best))
+    text = f"RMS difference in {_bare(name)}."
+    if best is not None:
+        text += f" Best explanation: {best.number.what} {_change(best)}."
+    verdict = Verdict("Measurements", "info", _with_unit(off, name), text)
     tables = [_columns(study, comparison, best)]
     if fits:
         tables.append(_numbers(fits))
     pictures = (_overlay(study, comparison, best), _difference(study, comparison, best))
-    return Part(tuple(filter(None, sentences)), (_verdict(study, comparison, best),), pictures, tuple(tables))
-
-
-def _explains(fit: Fit) -> bool:
-    """Whether a parameter removes most of the mean square difference, by a change of over two standard deviations."""
-    return fit.explained > 0.5 and abs(fit.value - fit.number.value) > 2 * fit.spread
-
-
-def _about_difference(study: Study, comparison: Comparison) -> str:
-    off, name = _worst(study, comparison)
-    size = float(np.nanmax(comparison.measured[name]) - np.nanmin(comparison.measured[name]))
-    share = f", {_share(off / size)} of the measured range" if size > 0 else ""
-    return f"RMS difference: {_with_unit(off, name)} in {_bare(name)}{share}."
+    return Part(tuple(filter(None, sentences)), (verdict,), pictures, tuple(tables))
 
 
 def _about_fits(fits: Sequence[Fit], best: Fit | None) -> list[str]:
@@ -66,32 +65,21 @@ def _about_fits(fits: Sequence[Fit], best: Fit | None) -> list[str]:
     if best is None:
         return [
             "No single parameter of the scene explains the difference; check the units and the order of the columns. "
-            f"With the best, {fits[0].number.what} {_change(fits[0])}, {_share(fits[0].remaining)} of it remains."
+            f"With the best, {fits[0].number.what} {_change(fits[0])}, {percent(fits[0].remaining)} of it remains."
         ]
     sentences = [
-        f"Best explanation: {best.number.what} {_change(best)}, {_value(best)} instead of "
-        f"{number(best.number.value)}; {_share(best.remaining)} of the difference remains."
+        f"Best explanation: {best.number.what} {_change(best)}, {number(best.value, 4)} ± {number(best.spread, 2)} "
+        f"instead of {number(best.number.value)}; {percent(best.remaining)} of the difference remains."
     ]
     clearly = 2.0  # a parameter is the cause if all others leave at least twice the difference
-    rivals = [
-        f"{fit.number.what} ({_change(fit)}; {_share(fit.remaining)} remains)"
-        for fit in fits[1:]
-        if fit.remaining < clearly * best.remaining
-    ]
+    near = [fit for fit in fits[1:] if fit.remaining < clearly * best.remaining]
+    rivals = [f"{fit.number.what} ({_change(fit)}; {percent(fit.remaining)} remains)" for fit in near]
     if rivals:
         sentences.append(f"The cause is uncertain, because other parameters fit nearly as well: {', '.join(rivals)}.")
     elif len(fits) > 1:
-        sentences.append(f"With the next best, {fits[1].number.what}, {_share(fits[1].remaining)} remains.")
+        sentences.append(f"With the next best, {fits[1].number.what}, {percent(fits[1].remaining)} remains.")
     alone = "Each parameter is fitted alone; ± is one standard deviation if the remaining difference is noise."
     return [*sentences, alone]
-
-
-def _share(part: float) -> str:
-    return f"{number(100 * part)} %"
-
-
-def _value(fit: Fit) -> str:
-    return f"{number(fit.value, 4)} ± {number(fit.spread, 2)}"
 
 
 def _change(fit: Fit) -> str:
@@ -116,14 +104,6 @@ def _bare(name: str) -> str:
 def _with_unit(value: float, name: str) -> str:
     unit = name.rpartition(" [")[2].rstrip("]")
     return f"{number(1e3 * value)} mm" if unit == "m" and value < 0.1 else f"{number(value)} {unit}"
-
-
-def _verdict(study: Study, comparison: Comparison, best: Fit | None) -> Verdict:
-    off, name = _worst(study, comparison)
-    text = f"RMS difference in {_bare(name)}."
-    if best is not None:
-        text += f" Best explanation: {best.number.what} {_change(best)}."
-    return Verdict("Measurements", "info", _with_unit(off, name), text)
 
 
 def _columns(study: Study, comparison: Comparison, best: Fit | None) -> Table:

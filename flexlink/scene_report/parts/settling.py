@@ -17,8 +17,7 @@ from flexlink.pages.style import stacked_axes
 from flexlink.pages.tables import Table, table_csv
 from flexlink.scene_report.study import Study
 
-TOLERANCES = (1e-2, 1e-3, 1e-4)
-"""Tolerances for settling, as fractions of the tip's travel."""
+TOLERANCES = (1e-2, 1e-3, 1e-4)  # tolerances for settling, as fractions of the tip's travel
 
 
 def made(study: Study) -> Part | None:

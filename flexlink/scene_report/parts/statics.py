@@ -87,7 +87,9 @@ def _picture(study: Study, size: float) -> Picture:
     chain, rest = study.chain, study.rest
     straight, bent = (frames(chain, q).points for q in (unbent(chain, rest.q), rest.q))
     visible = 0.08  # smallest sag of the tip in the picture, as a fraction of the arm's size
-    scale = max(1.0, _round(visible * study.chain.size / size))
+    wanted = visible * study.chain.size / size
+    power = 10.0 ** np.floor(np.log10(wanted))  # rounded down to 1, 2, 5, 10, 20, …
+    scale = max(1.0, float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= wanted * (1 + 1e-12))))
     shown = straight + scale * (bent - straight)
     both = np.stack([straight, shown])
     views = views_of(chain, both)
@@ -107,9 +109,3 @@ def _picture(study: Study, size: float) -> Picture:
 def _without_rounding(values: Array) -> Array:
     """Set values below the rounding error of the largest value to zero."""
     return np.where(np.abs(values) > 1e-12 * np.abs(values).max(initial=0.0), values, 0.0)
-
-
-def _round(value: float) -> float:
-    """Round down to 1, 2, 5, 10, 20, …"""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= value * (1 + 1e-12)))

@@ -24,7 +24,13 @@ def made(study: Study) -> Part | None:
         f"{first}.",
         *(line.strip() for line in why),
     )
-    return Part(sentences, (_verdict(study, found),), tables=_tables(found))
+    heads = ("quantity", "difference / rounding bound", "worst joint", "verdict")
+    lines = tuple(
+        (row.quantity, row.error, row.joint if row.error else "", "agrees" if row.passed else "DIFFERS")
+        for row in found.rows
+    )
+    table = Table("theirs", "Terms of the equation of motion: this scene and the file", heads, lines)
+    return Part(sentences, (_verdict(study, found),), tables=(table,) if lines else ())
 
 
 def _verdict(study: Study, found: Diagnosis) -> Verdict:
@@ -35,14 +41,3 @@ def _verdict(study: Study, found: Diagnosis) -> Verdict:
     details = f"{name} describes a different arm; see “Other file”."
     text = f"{name}: {mistakes[0]}" if mistakes else details
     return Verdict("Other file", "fail", "differs", text)
-
-
-def _tables(found: Diagnosis) -> tuple[Table, ...]:
-    if not found.rows:
-        return ()
-    heads = ("quantity", "difference / rounding bound", "worst joint", "verdict")
-    lines = tuple(
-        (row.quantity, row.error, row.joint if row.error else "", "agrees" if row.passed else "DIFFERS")
-        for row in found.rows
-    )
-    return (Table("theirs", "Terms of the equation of motion: this scene and the file", heads, lines),)
