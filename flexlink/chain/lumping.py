@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from flexlink.chain.arguments import require_type
@@ -30,6 +31,7 @@ from flexlink.describe.hinges import hinges_of
 from flexlink.describe.link import ROOT_AXES, Link
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import lumping_rule
+from flexlink.describe.spec import build_unchecked
 from flexlink.describe.tie import refuse_ties
 from flexlink.kernels.layout import COUPLING, HINGE, SLIDES
 
@@ -72,6 +74,12 @@ def lump(scene: Scene) -> Chain:
         return _lumped(scene)
     known = scene.name, scene.gravity, scene.fluid_density, situation(scene), posture_of(scene)
     return CHAINS(arm, known, lambda: _lumped(scene))
+
+
+def open_chain(scene: Scene) -> Scene:
+    """The scene without its ties."""
+    opened: Scene = build_unchecked(replace, scene, tie=()) if scene.tie else scene
+    return opened
 
 
 def situation(scene: Scene) -> tuple[object, ...]:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Annotated, Literal
-
-from msgspec.structs import replace
+from typing import Annotated, Literal
 
 from flexlink.common.errors import ArgumentError, Diagnostic, SceneError
 from flexlink.common.wording import both_given, missing, truncated
@@ -14,10 +12,7 @@ from flexlink.describe.arm import Arm
 from flexlink.describe.directions import unit
 from flexlink.describe.numbers import require_increasing
 from flexlink.describe.sensor import beyond_beam
-from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, build_unchecked, link_key, measured_in
-
-if TYPE_CHECKING:
-    from flexlink.describe.scene import Scene
+from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, link_key, measured_in
 
 SPRING, RANGE = ("stiffness", "damping"), ("play", "only", "dissipation")
 KINDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -175,12 +170,6 @@ class Tie(TieEnd, frozen=True, kw_only=True):
         """Free range of g [m, rad], other than of a stop."""
         half = (self.play or 0.0) / 2
         return (-math.inf, 0.0) if self.only == "pull" else (0.0, math.inf) if self.only == "push" else (-half, half)
-
-
-def open_chain(scene: Scene) -> Scene:
-    """The scene without its ties."""
-    opened: Scene = build_unchecked(replace, scene, tie=()) if scene.tie else scene
-    return opened
 
 
 def refuse_ties(ties: Sequence[Tie], why: str = "only simulate and Problem support ties") -> None:

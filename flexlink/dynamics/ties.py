@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import open_chain
 from flexlink.common.errors import Diagnostic, SceneError
 from flexlink.common.types import Array, Indices
 from flexlink.describe.directions import unit
@@ -17,7 +18,7 @@ from flexlink.describe.run_settings import AUTO
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.sensor import Sensor
-from flexlink.describe.tie import OF_JOINT, Tie, TieEnd, open_chain, refuse_ties
+from flexlink.describe.tie import OF_JOINT, Tie, TieEnd, refuse_ties
 from flexlink.dynamics.result import read_only
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.kernels.geometry.kinematics import kinematics_workspace

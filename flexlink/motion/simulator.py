@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import positive, require_type, vector
-from flexlink.chain.lumping import lump
+from flexlink.chain.lumping import lump, open_chain
 from flexlink.common.errors import ArgumentError, Diagnostic
 from flexlink.common.memo import Kept
 from flexlink.common.types import Array
 from flexlink.common.wording import short_list
 from flexlink.describe.numbers import parts, whole
 from flexlink.describe.scene import Scene
-from flexlink.describe.tie import open_chain, refuse_ties
+from flexlink.describe.tie import refuse_ties
 from flexlink.dynamics.sensors.instrument import Readings
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.motion.adaptive_steps import AdaptiveSteps

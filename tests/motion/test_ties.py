@@ -9,8 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flexlink as fl
+from flexlink.chain.lumping import open_chain
 from flexlink.describe.scene import scene_from
-from flexlink.describe.tie import open_chain
 from flexlink.dynamics.ties import gaps, tie_rows
 from flexlink.kernels.geometry.kinematics import forward_kinematics
 from tests.support.loops import Loop

@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 from flexlink.chain.beams import TableBeam
 from flexlink.chain.builder import Piece
 from flexlink.chain.chain import Chain
-from flexlink.chain.lumping import lump, pieces
+from flexlink.chain.lumping import lump, open_chain, pieces
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.describe.directions import unit
 from flexlink.describe.link import Link
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import OF_THE_DRIVE, Sensor, is_on_base
-from flexlink.describe.tie import open_chain
 from flexlink.dynamics.floating_base import BODY
 from flexlink.dynamics.point_motion import motion_in_body, point_slopes
 from flexlink.dynamics.strain import beam_strain, known_at

@@ -10,10 +10,10 @@ from msgspec.structs import replace
 from numpy.typing import ArrayLike
 
 from flexlink.chain.chain import Chain
-from flexlink.chain.lumping import lump
+from flexlink.chain.lumping import lump, open_chain
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import build_unchecked, build_validated
-from flexlink.describe.tie import open_chain, refuse_ties
+from flexlink.describe.tie import refuse_ties
 from flexlink.dynamics.floating_base import FloatingBase
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.dynamics.ties import closed, tie_rows
