@@ -111,6 +111,19 @@ def internal_loads(
     given = zip(("q", "qd", "qdd"), (q, qd, qdd), strict=True)
     q, qd, qdd = (vector(name, part, size, many=True) for name, part in given)
     wrench = world_wrench(chain, q, tip_wrench, frame)
+    found = loads_of_bodies(chain, q, qd, qdd, wrench)
+    if not all(is_finite(part.reshape(-1)) for part in (found.force, found.moment, found.hinge_moment)):
+        raise beyond_float64("an internal load", q=q, qd=qd, qdd=qdd, tip_wrench=wrench, gravity=chain.gravity)
+    return found
+
+
+def loads_of_bodies(
+    chain: Chain, q: Array, qd: Array, qdd: Array, wrench: Array, more: tuple[Array, Array] | None = None
+) -> InternalLoads:
+    """As `internal_loads`, with a wrench (6,) in axes of frame 0; `more`: forces and moments on all bodies (bodies, 3).
+
+    The moments are about the origins of the bodies; all are in axes of frame 0.
+    """
     bodies = chain.bodies
     R, p, axes, _, ω, a, α, _ = body_motion(chain, q, qd, qdd)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -123,6 +136,8 @@ def internal_loads(
         if len(chain.drag):
             drag = drag_loads(chain.arrays, q, qd)
             F, N = F - drag[:, 0], N - drag[:, 1]
+        if more is not None:
+            F, N = F - more[0], N - more[1]
         spans, parents = spans_of(chain.bodies), bodies["parent"]
         f = sums_inward(spans, F)
         moments = cross(p - of_parents(chain, p, np.zeros(3)), f)
@@ -132,10 +147,7 @@ def internal_loads(
         inward = -(R @ chain.described["section"]).transpose(0, 2, 1)
         moved = hinge_bodies(chain)
         about_axes = -(axes * np.where(chain.slides[:, None], f[moved], n[moved])).sum(axis=1)
-        found = InternalLoads(_each_by(inward, f), _each_by(inward, n), about_axes)
-    if not all(is_finite(part.reshape(-1)) for part in (found.force, found.moment, found.hinge_moment)):
-        raise beyond_float64("an internal load", q=q, qd=qd, qdd=qdd, tip_wrench=wrench, gravity=chain.gravity)
-    return found
+        return InternalLoads(_each_by(inward, f), _each_by(inward, n), about_axes)
 
 
 def _each_by(matrices: Array, vectors: Array) -> Array:

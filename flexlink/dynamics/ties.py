@@ -19,9 +19,10 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.sensor import Sensor
 from flexlink.describe.tie import OF_JOINT, Tie, TieEnd, refuse_ties
+from flexlink.dynamics.loads import InternalLoads, loads_of_bodies
 from flexlink.dynamics.result import read_only
 from flexlink.dynamics.terms import mass_matrix
-from flexlink.kernels.geometry.kinematics import kinematics_workspace
+from flexlink.kernels.geometry.kinematics import forward_kinematics, kinematics_workspace
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.inputs.record import MotionTable, no_motion
 from flexlink.kernels.stepping.ties import KIND, TIE, find_rows, spring_forces
@@ -48,7 +49,6 @@ def tie_rows(scene: Scene, chain: Chain) -> Ties | None:
         return None
     for there, what in (
         (scene.motion, "[[motion]]"),
-        ("loads" in scene.run.outputs, "run.outputs = ['loads']"),
         (scene.initial.passive == "static", "initial.passive = 'static'"),
         (scene.drive.kind == "computed_torque", "drive.kind = 'computed_torque'"),
         (scene.drive.gravity != "none", f"drive.gravity = {scene.drive.gravity!r}"),
@@ -207,6 +207,39 @@ def tied_acceleration(ties: Ties, chain: Chain, t: float, q: Array, qd: Array, q
     return qdd, λ
 
 
+def tied_loads(
+    scene: Scene | None, chain: Chain, motion: tuple[Array, Array, Array], wrench: Array, λ: Array
+) -> InternalLoads:
+    """Internal loads at samples of q, q̇, q̈ (samples, n) with tip wrenches (samples, 6) and multipliers (samples, r)."""
+    ties = None if scene is None else tie_rows(scene, chain)
+    rows = np.zeros(0, TIE) if ties is None else ties[0]
+    found = [
+        loads_of_bodies(chain, q, qd, qdd, of_tip, _on_bodies(rows, chain, q, own))
+        for q, qd, qdd, of_tip, own in zip(*motion, wrench, λ, strict=True)
+    ]
+    parts = (np.array([vars(one)[name] for one in found]) for name in ("force", "moment", "hinge_moment"))
+    return InternalLoads(*map(read_only, parts))
+
+
+def _on_bodies(rows: Rows, chain: Chain, q: Array, λ: Array) -> tuple[Array, Array]:
+    """Forces −λ u of ties on all bodies, and their moments about the origins (bodies, 3), in axes of frame 0."""
+    pose = forward_kinematics(chain.arrays, q)
+    force, moment = np.zeros((2, len(chain.bodies), 3))
+    for row, multiplier in zip(rows[rows["kind"] != KIND.joint], λ[rows["kind"] != KIND.joint], strict=True):
+        ends = [
+            point if body < 0 else pose.points[body] + pose.rotations[body] @ point
+            for body, point in ((row["a"], row["point_a"]), (row["b"], row["point_b"]))
+        ]
+        u = row["along"] if row["b"] < 0 else pose.rotations[row["b"]] @ row["along"]
+        if row["kind"] == KIND.distance:
+            u = (ends[0] - ends[1]) / np.linalg.norm(ends[0] - ends[1])
+        for body, end, pull in ((row["a"], ends[0], -multiplier * u), (row["b"], ends[0], multiplier * u)):
+            if body >= 0:
+                force[body] += pull
+                moment[body] += np.cross(end - pose.points[body], pull)
+    return force, moment
+
+
 def tie_forces(scene: Scene, chain: Chain, λ: Array) -> dict[str, Array]:
     """Force of each tie by its name, from the multipliers (samples, r) of all rows, as in `Trajectory.tie_forces`."""
     first, forces = 0, {}
@@ -217,3 +250,11 @@ def tie_forces(scene: Scene, chain: Chain, λ: Array) -> dict[str, Array]:
         forces[tie.name] = -own @ rows["along"] if vector else own[:, 0]
         first += len(rows)
     return forces
+
+
+def rods_of(scene: Scene, chain: Chain) -> tuple[Indices, Array]:
+    """Bodies (2 t,), 0 for frame 0, and points in their axes (2 t, 3), of the ends of all ties that keep a distance."""
+    ties = tie_rows(scene, chain)
+    rows = np.zeros(0, TIE) if ties is None else ties[0][ties[0]["kind"] == KIND.distance]
+    ends = np.stack([rows["a"], rows["b"]], axis=1).reshape(-1) + 1
+    return ends, np.stack([rows["point_a"], rows["point_b"]], axis=1).reshape(-1, 3)

@@ -19,7 +19,6 @@ from flexlink.common.types import Array
 from flexlink.common.wording import did_you_mean, plural
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
-from flexlink.describe.tie import refuse_ties
 from flexlink.dynamics.batches import each
 from flexlink.dynamics.conserved import Energy, Momentum
 from flexlink.dynamics.placement import tip_position
@@ -282,7 +281,11 @@ class RunSamples(Result):
         """
         from flexlink.dynamics.loads import internal_loads  # noqa: PLC0415
 
-        refuse_ties(() if self.scene is None else self.scene.tie, "internal loads do not support ties")
+        if self.scene is not None and self.scene.tie:
+            from flexlink.dynamics.ties import tied_loads  # noqa: PLC0415
+
+            motion = self.q, self.qd, self.qdd
+            return tied_loads(self.scene, self.chain, motion, self.tip_wrench, self._tied[1])
         return internal_loads(self.chain, self.q, self.qd, self.qdd, tip_wrench=self.tip_wrench)
 
     @property

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from flexlink.chain.builder import Piece
 from flexlink.chain.chain import Chain
 from flexlink.chain.layout import base_body, branches_of, sliding_bodies
-from flexlink.chain.lumping import pieces
+from flexlink.chain.lumping import open_chain, pieces
 from flexlink.common.types import Array, Indices
 from flexlink.describe.arm import Arm
 from flexlink.describe.link import Link
 from flexlink.describe.material import Section
 from flexlink.describe.scene import Scene
+from flexlink.dynamics.ties import rods_of
 
 Whole = Indices
 Cuts = tuple[tuple[int, ...], tuple[int, ...]]
@@ -49,19 +50,21 @@ class Outline(NamedTuple):
     pieces: list[Piece]
     cuts: list[Cuts]  # cuts of every piece, see `_cuts`
     base: int  # the body that is the base: 0, or a floating body
-    rails: tuple[Whole, Array]  # zero positions of sliding joints: parent bodies (r,), positions (r, 3)
+    rails: tuple[Whole, Array]  # zero positions of sliding joints, then both ends of rods: bodies (r,), places (r, 3)
     order: Whole  # order of points along the arm, as indices of bodies, stations and rails; −1 between two branches
 
 
 def outline_of(scene: Scene, chain: Chain) -> Outline:
     """Outline with stations on every piece of every link; a hinge where pieces meet belongs to the outboard piece."""
-    arm, found = scene.arm, [piece for piece in pieces(scene) if piece.length > 0]
+    arm, found = scene.arm, [piece for piece in pieces(open_chain(scene)) if piece.length > 0]
     rows = [row for k, piece in enumerate(found) for row in _stations(arm, found, k, piece)]
     link, body, place, axes, across, is_round, number, part = zip(*rows, strict=True) if rows else [()] * 8
     steel = 7850.0  # kg/m³; a payload is drawn as a ball of steel of its mass
     ball = (3 * arm.tip.mass / (4 * math.pi * steel)) ** (1 / 3)
     sliding = sliding_bodies(chain)
     rails = chain.bodies["parent"][sliding].astype(np.int64), chain.bodies["translation"][sliding]
+    rods = rods_of(scene, chain)
+    marks = np.concatenate([rails[0], rods[0]]), np.concatenate([rails[1], rods[1]])
     joints = np.array([chain.body(int(k)) + 1 for k in chain.active], dtype=np.int64)
     bodies, numbers, cuts = np.array(body, dtype=np.int64), np.array(number, dtype=np.int64), _cuts(arm, chain, found)
     return Outline(
@@ -69,16 +72,19 @@ def outline_of(scene: Scene, chain: Chain) -> Outline:
         np.reshape(axes, (-1, 2, 3)), np.reshape(across, (-1, 2)), np.array(is_round, dtype=bool),
         numbers, np.array(part, dtype=float),
         len(chain.bodies) + 1, joints, ball, np.array(arm.tip.center), found,
-        cuts, base_body(chain), rails, _order(chain, bodies, numbers, cuts),
+        cuts, base_body(chain), marks, _order(chain, bodies, numbers, cuts, len(rods[0])),
     )  # fmt: skip
 
 
-def _order(chain: Chain, body: Whole, piece: Whole, cuts: list[Cuts]) -> Whole:
-    """Compute `Outline.order`, which lists all points along every branch, starting at its parent body."""
+def _order(chain: Chain, body: Whole, piece: Whole, cuts: list[Cuts], ends: int) -> Whole:
+    """`Outline.order`: pairs of ends of rods, then all points along every branch, starting at its parent body."""
     count, order = len(chain.bodies) + 1, list[int]()
+    first = count + len(body) + len(sliding_bodies(chain))
+    for end in range(first, first + ends, 2):
+        order += [end, end + 1, -1]
     rails = {k + 1: [count + len(body) + row] for row, k in enumerate(sliding_bodies(chain))}
     for branch in branches_of(chain):
-        order += [-1, branch[0]] if order else [branch[0]]
+        order += [-1, branch[0]] if order and order[-1] != -1 else [branch[0]]
         for b, following in pairwise(branch):
             here = np.flatnonzero(body == b).tolist()
             order += [count + s for s in here if following - 1 in cuts[piece[s]][1]]
