@@ -87,6 +87,23 @@ def test_a_start_that_is_nearly_closed_is_closed_without_a_warning(recwarn: pyte
     assert not recwarn
 
 
+def test_hinges_of_strain_modes_keep_to_their_shapes_when_ties_close_at_the_start() -> None:
+    """The start is 1° off, and its rates are off the tie, so that joints and springs move; two modes for each link."""
+    modes = {"flex": "z", "segments": 7, "modes": 2}
+    scene = fourbar(**modes).varied({"initial.joint_deg": [61.0, -33.0, -116.0], "initial.rate_deg": [90.0, 0.0, 0.0]})
+    locked = scene.varied({"link.*.joint.locked": True, "initial.rate_deg": None, "initial.joint_deg": [60, -33, -116]})
+    with pytest.warns(RuntimeWarning, match="closed"):
+        run = checked(scene)
+    np.testing.assert_array_equal(run.qd[0, run.chain.bending], 0.0)
+    with pytest.warns(RuntimeWarning, match="closed"):
+        checked(locked)
+
+
+def test_a_tie_may_have_any_name() -> None:
+    run = fl.simulate(fourbar().varied({"tie": [{**pin("l3", 1.1, 0.0, 0.0), "name": "t"}]}))
+    assert run.kept
+
+
 def test_a_parallelogram_swings_like_a_pendulum() -> None:
     """Two cranks m, J = m (L²/3 + h²/12), and a coupler M that does not turn: (2 J + M L²) θ̈ = −(m + M) g L sin θ."""
     lengths = ({"length": 0.5}, {"length": 0.8}, {"length": 0.5})

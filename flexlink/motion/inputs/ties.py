@@ -18,6 +18,7 @@ from flexlink.describe.schemes.methods import method
 from flexlink.describe.sensor import Sensor
 from flexlink.describe.spec import build_unchecked
 from flexlink.describe.tie import Tie, TieEnd, refuse_ties
+from flexlink.dynamics.free_motion import basis
 from flexlink.kernels.geometry.kinematics import kinematics_workspace
 from flexlink.kernels.stepping.ties import KIND, TIE, find_rows
 
@@ -87,11 +88,11 @@ def _place(
     direction = (1.0, 0.0, 0.0) if axis is None else axis
     if end.link is None:
         return -1, np.array(end.point), unit("axis", direction)
-    there = Sensor(name=name, kind="accelerometer", link=end.link, x=end.x, point=end.point, axis=direction)
+    there = Sensor(name="end", kind="accelerometer", link=end.link, x=end.x, point=end.point, axis=direction)
     try:
         body, point, (along,) = placement_of(there, scene)
     except SceneError as error:
-        raise SceneError(str(error).replace("sensor.", "tie.", 1), id=error.id) from None
+        raise SceneError(str(error).replace("sensor.end", f"tie.{name}", 1), id=error.id) from None
     return body, point, along
 
 
@@ -105,7 +106,7 @@ def gaps(rows: Rows, chain: Chain, q: Array) -> tuple[Array, Array]:
 def closed(rows: Rows | None, chain: Chain, q: Array, qd: Array) -> tuple[Array, Array]:
     """The state near q, q̇ (n,) in which all ties are closed; a warning names the joint that moved most.
 
-    The driven joints and free joints move; springs only if these are not enough.
+    The driven joints and free joints move; springs only if these are not enough. Hinges with shapes keep to them.
 
     Raises
     ------
@@ -115,13 +116,14 @@ def closed(rows: Rows | None, chain: Chain, q: Array, qd: Array) -> tuple[Array,
     if rows is None:
         return q, qd
     start, near = q.copy(), CLOSED * chain.size
-    for moving in (chain.active, np.arange(chain.n)):
+    ways = [basis(chain, moving) for moving in (chain.active, np.arange(chain.n))]
+    for B in ways:
         q = start.copy()
         for _ in range(PASSES):
             g, J = gaps(rows, chain, q)
             if np.abs(g).max() <= 1e-14 * chain.size:
                 break
-            q[moving] -= np.linalg.lstsq(J[:, moving], g, rcond=1e-9)[0]
+            q -= B @ np.linalg.lstsq(J @ B, g, rcond=1e-9)[0]
         g, J = gaps(rows, chain, q)
         if np.abs(g).max() <= near:
             break
@@ -132,9 +134,9 @@ def closed(rows: Rows | None, chain: Chain, q: Array, qd: Array) -> tuple[Array,
             "initial.joint_deg near a posture in which they meet, or move an end",
             id="ties-open",
         )
-    off = J @ qd
-    if np.abs(off).max() > near:
-        qd = qd - np.linalg.lstsq(J, off, rcond=1e-9)[0]
+    for B, least in zip(ways, (1e-3, 1e-9), strict=True):  # joints far from a singular posture need no springs
+        if np.abs(J @ qd).max() > near:
+            qd = qd - B @ np.linalg.lstsq(J @ B, J @ qd, rcond=least)[0]
     moved = np.abs(q - start)
     if moved.max() > ROUNDED:
         k = int(moved.argmax())
