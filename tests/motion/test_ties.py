@@ -12,6 +12,7 @@ import flexlink as fl
 from flexlink.describe.scene import scene_from
 from flexlink.kernels.geometry.kinematics import forward_kinematics
 from flexlink.motion.inputs.ties import gaps, open_chain, tie_rows
+from tests.campaigns.random_ties import judged
 from tests.support.loops import Loop
 from tests.support.words import refused
 
@@ -97,6 +98,13 @@ def test_hinges_of_strain_modes_keep_to_their_shapes_when_ties_close_at_the_star
     np.testing.assert_array_equal(run.qd[0, run.chain.bending], 0.0)
     with pytest.warns(RuntimeWarning, match="closed"):
         checked(locked)
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.parametrize("seed", [1, 2, 3, 11])
+def test_random_loops_move_as_in_another_engine(seed: int) -> None:
+    """Run a few of the loops that `python -m tests.campaigns.random_ties 0 300` runs."""
+    assert {found.outcome for found in judged(seed)} == {"right"}
 
 
 def test_a_tie_may_have_any_name() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -12,6 +13,7 @@ from scipy.integrate import solve_ivp
 
 import flexlink as fl
 from flexlink.kernels.stepping.ties import KIND
+from flexlink.motion.inputs.ties import gaps, tie_rows
 
 Torque = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
 """Torques (n,) of drives at t, q and q̇."""
@@ -23,6 +25,18 @@ class TooHardError(Exception):
 
 def undriven(t: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
     return np.zeros(len(q))
+
+
+def placed(scene: fl.Scene, chain: fl.Chain, q: np.ndarray, link: str, **where: Any) -> np.ndarray:
+    """Where a point of a link is in frame 0 [m]."""
+    probe = {"name": "probe", "kind": "point", "link": link, "to": {"point": [0, 0, 0]}, **where}
+    return gaps(tie_rows(scene.varied({"tie": [probe], "drive": {}}), chain), chain, q)[0]
+
+
+def turned(scene: fl.Scene, chain: fl.Chain, q: np.ndarray, link: str) -> np.ndarray:
+    """Axes of an unbent link in frame 0, in columns."""
+    at = [placed(scene, chain, q, link, point=point) for point in (np.vstack([np.eye(3), np.zeros(3)]) / 8).tolist()]
+    return 8 * (np.array(at[:3]) - at[3]).T
 
 
 class Loop:
@@ -148,7 +162,7 @@ class Loop:
         def rates(now: float, y: np.ndarray) -> np.ndarray:
             nonlocal count
             count += 1
-            if count > self.most:
+            if count > self.most or not np.isfinite(y).all():
                 raise TooHardError
             q, qd = start + Φ @ y[:m], Φ @ y[m:]
             return np.concatenate([y[m:], self.accelerations(q, qd, torque(now, q, qd) if held is None else τ)])
