@@ -19,6 +19,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.sensor import Sensor
 from flexlink.describe.tie import OF_JOINT, Tie, TieEnd, refuse_ties
+from flexlink.dynamics.free_motion import basis
 from flexlink.dynamics.loads import InternalLoads, loads_of_bodies
 from flexlink.dynamics.result import read_only
 from flexlink.dynamics.terms import mass_matrix
@@ -115,11 +116,11 @@ def _place(end: TieEnd, axis: tuple[float, float, float] | None, name: str, scen
     direction = (1.0, 0.0, 0.0) if axis is None else axis
     if end.link is None:
         return -1, np.array(end.point), unit("axis", direction)
-    there = Sensor(name=name, kind="accelerometer", link=end.link, x=end.x, point=end.point, axis=direction)
+    there = Sensor(name="end", kind="accelerometer", link=end.link, x=end.x, point=end.point, axis=direction)
     try:
         body, point, (along,) = placement_of(there, scene)
     except SceneError as error:
-        raise SceneError(str(error).replace("sensor.", "tie.", 1), id=error.id) from None
+        raise SceneError(str(error).replace("sensor.end", f"tie.{name}", 1), id=error.id) from None
     return body, point, along
 
 
@@ -135,7 +136,7 @@ def gaps(ties: Ties, chain: Chain, q: Array, t: float = 0.0) -> tuple[Array, Arr
 def closed(ties: Ties | None, chain: Chain, q: Array, qd: Array, t: float) -> tuple[Array, Array]:
     """The state near q, q̇ (n,) in which all exact ties are closed; a warning names the joint that moved most.
 
-    The driven joints and free joints move; springs only if these are not enough.
+    The driven joints and free joints move; springs only if these are not enough. Hinges with shapes keep to them.
 
     Raises
     ------
@@ -148,13 +149,14 @@ def closed(ties: Ties | None, chain: Chain, q: Array, qd: Array, t: float) -> tu
     start, near = q.copy(), CLOSED * chain.size
     found = [part[held] for part in gaps(ties, chain, q, t)]
     far = np.abs(found[0]).max()
-    for moving in (chain.active, np.arange(chain.n)):
+    ways = [basis(chain, moving) for moving in (chain.active, np.arange(chain.n))]
+    for B in ways:
         q = start.copy()
         for _ in range(PASSES):
             found = [part[held] for part in gaps(ties, chain, q, t)]
             if np.abs(found[0]).max() <= 1e-14 * chain.size:
                 break
-            q[moving] -= np.linalg.lstsq(found[1][:, moving], found[0], rcond=1e-9)[0]
+            q -= B @ np.linalg.lstsq(found[1] @ B, found[0], rcond=1e-9)[0]
         found = [part[held] for part in gaps(ties, chain, q, t)]
         if np.abs(found[0]).max() <= near:
             break
@@ -165,9 +167,9 @@ def closed(ties: Ties | None, chain: Chain, q: Array, qd: Array, t: float) -> tu
             "initial.joint_deg near a posture in which they meet, or move an end",
             id="ties-open",
         )
-    off = J @ qd + moves
-    if np.abs(off).max() > near:
-        qd = qd - np.linalg.lstsq(J, off, rcond=1e-9)[0]
+    for B, least in zip(ways, (1e-3, 1e-9), strict=True):  # joints far from a singular posture need no springs
+        if np.abs(J @ qd + moves).max() > near:
+            qd = qd - B @ np.linalg.lstsq(J @ B, J @ qd + moves, rcond=least)[0]
     moved = np.abs(q - start)
     if moved.max() > ROUNDED:
         k = int(moved.argmax())
@@ -195,7 +197,8 @@ def tied_acceleration(ties: Ties, chain: Chain, t: float, q: Array, qd: Array, q
     g, J, moves = gaps(ties, chain, q, t)
     λ, held = np.zeros(len(rows)), np.isinf(rows["stiffness"])
     spring_forces(rows, g, J @ qd + moves, λ)
-    Y = np.linalg.solve(mass_matrix(chain, q), J.T)
+    B = basis(chain, np.arange(chain.n))
+    Y = B @ np.linalg.solve(B.T @ mass_matrix(chain, q) @ B, B.T @ J.T)
     qdd = qdd - Y @ λ
     if held.any():
         moved, nudge = np.zeros((3, len(rows))), 1e-5 / max(np.abs(qd).max(), 1e-300)

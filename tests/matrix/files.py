@@ -61,10 +61,11 @@ def engine_runs(case: Case) -> None:
 
 def units(case: Case) -> None:
     """A scene converted to other units of length, mass and time has the same motion in these units."""
-    scene = case.scene.varied({"sensor": None, **({"air_density": 1.225} if len(case.chain.drag) else {})})
+    chain = case.run.chain
+    scene = case.scene.varied({"sensor": None, **({"air_density": 1.225} if len(chain.drag) else {})})
     run, other = fl.simulate(scene), fl.simulate(scene_from(_scaled(scene, scene.document(), [])))
-    lengths = np.where(case.chain.slides, LENGTH, 1.0)
-    torques = SIZES["N"] * np.where(case.chain.slides, 1.0, LENGTH)
+    lengths = np.where(chain.slides, LENGTH, 1.0)
+    torques = SIZES["N"] * np.where(chain.slides, 1.0, LENGTH)
     close(other.t, run.t * TIME, 1e-12)
     close(other.q, run.q * lengths, 1e-9)
     close(other.qd, run.qd * lengths / TIME, 1e-9)

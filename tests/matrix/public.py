@@ -93,7 +93,7 @@ def _servo(case: Case, rate: float = 0.0) -> fl.Scene:
     }
     move = fl.Reference(profile="quintic", to_deg=to["revolute"], to_m=to["prismatic"], duration=0.3)
     kp, kd = (tuple(gain * one for one in driven) for gain in (20.0, 1.0))
-    gravity, passive = ("none", "zero") if case.chain.has_free_base else ("static", "static")
+    gravity, passive = ("none", "zero") if case.scene.arm.base.free else ("static", "static")
     drive = fl.Drive(kind="pd", kp=kp, kd=kd, reference=move, gravity=gravity, rate=rate or None)
     start = fl.InitialState(joint_deg=initial.joint_deg, joint_m=initial.joint_m, base=initial.base, passive=passive)
     return scene.varied({"drive": drive, "initial": start})
@@ -143,9 +143,9 @@ TABLE: dict[str, Call] = {
     "to_urdf": lambda c, _: fl.to_urdf(c.chain),
 }
 ONLY = {
-    "public:advise": ("bent_start", "cart", "cells_plane", "drag", "free", "gear", "rotation", "tree"),
-    "public:fit": ("cart", "cells_space", "drag", "free", "motion", "root", "sampled", "tree_slide", "wheel"),
-    "public:report": ("cart", "sensors", "tree_cells"),
+    "public:advise": ("bent_start", "cart", "cells_plane", "drag", "free", "gear", "rotation", "tied", "tree"),
+    "public:fit": ("cart", "cells_space", "drag", "free", "motion", "root", "sampled", "tied", "tree_slide", "wheel"),
+    "public:report": ("cart", "sensors", "tied", "tree_cells"),
 }
 """Slow functions, and the only chains on which they are tested."""
 WRITING = {"FitProblem.load", "Sweep.load", "import_urdf", "report"}

@@ -50,7 +50,7 @@ def rounded(run: fl.Trajectory) -> float:
 def near(found: fl.Trajectory, case: Case, tolerance: float) -> None:
     """Check that the tips of all samples meet the tolerance; for a chain whose reach is zero, check the angles."""
     runs = (found, case.half, case.truth)
-    requested, half, truth = (run.tip if case.chain.reach else run.q for run in runs)
+    requested, half, truth = (run.tip if found.chain.reach else run.q for run in runs)
     assert np.abs(requested - truth).max() <= tolerance + 2 * np.abs(half - truth).max()
 
 
@@ -68,7 +68,7 @@ def ends_implicit(case: Case) -> None:
 def ends_by_default(case: Case) -> None:
     """A scene without run settings meets the default tolerance, a thousandth of its reach (or its substitute)."""
     run = whole(fl.simulate(case.scene.varied({"run": BARE, "run.sample": 0.008})))
-    near(run, case, 1e-3 * max(case.chain.reach, 1e-3))
+    near(run, case, 1e-3 * max(run.chain.reach, 1e-3))
 
 
 def ends_within_a_tolerance(case: Case) -> None:

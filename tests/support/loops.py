@@ -2,28 +2,62 @@
 
 from __future__ import annotations
 
+import dataclasses
+import itertools
+from collections.abc import Callable, Sequence
+from typing import Any
+
 import numpy as np
 import pinocchio as pin
 from scipy.integrate import solve_ivp
 
 import flexlink as fl
+from flexlink.dynamics.ties import gaps, tie_rows
 from flexlink.kernels.stepping.ties import KIND
+
+Torque = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
+"""Torques (n,) of drives at t, q and q̇."""
+
+
+class TooHardError(Exception):
+    """The integration would take too long."""
+
+
+def undriven(t: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+    return np.zeros(len(q))
+
+
+def placed(scene: fl.Scene, chain: fl.Chain, q: np.ndarray, link: str, **where: Any) -> np.ndarray:
+    """Where a point of a link is in frame 0 [m]."""
+    probe = {"name": "probe", "kind": "point", "link": link, "to": {"point": [0, 0, 0]}, **where}
+    return gaps(tie_rows(scene.varied({"tie": [probe], "drive": {}}), chain), chain, q)[0]
+
+
+def turned(scene: fl.Scene, chain: fl.Chain, q: np.ndarray, link: str) -> np.ndarray:
+    """Axes of an unbent link in frame 0, in columns."""
+    at = [placed(scene, chain, q, link, point=point) for point in (np.vstack([np.eye(3), np.zeros(3)]) / 8).tolist()]
+    return 8 * (np.array(at[:3]) - at[3]).T
 
 
 class Loop:
     """A chain, exported to URDF, whose points are tied: M q̈ + h + Jᵀ λ = τ, J q̈ + J̇ q̇ = 0.
 
-    The points are where flexlink has them with all coordinates at zero; from there on, Pinocchio moves them.
+    The points are where flexlink has them with all coordinates at zero; from there on, Pinocchio moves them. Hinges of
+    links with strain modes move by q = q₀ + Φ z. Springs between hinges are flexlink's, which ties do not change.
     """
 
-    def __init__(self, chain: fl.Chain, rows: np.ndarray) -> None:
-        self.chain, self.rows = chain, rows
-        self.model = pin.buildModelFromXML(fl.to_urdf(chain))
+    def __init__(self, chain: fl.Chain, rows: np.ndarray, *, force: Sequence[float] = (), most: float = np.inf) -> None:
+        """`force` (3,) in frame 0 acts on the tip; `most` evaluations of rates are allowed."""
+        self.chain, self.rows, self.force, self.most = chain, rows, np.array(force), most
+        self.bare = dataclasses.replace(chain, shapes=None, forces={})
+        self.model = pin.buildModelFromXML(fl.to_urdf(self.bare, shapes=False))
         self.model.gravity.linear = np.asarray(chain.gravity)
         self.data = self.model.createData()
-        self.order = [self.model.joints[self.model.getJointId(name)].idx_v for name in chain.joint_names]
+        self.order = np.array([self.model.joints[self.model.getJointId(name)].idx_v for name in chain.joint_names])
+        self.Φ = np.eye(chain.n) if chain.shapes is None else chain.shapes.matrix
         pin.forwardKinematics(self.model, self.data, pin.neutral(self.model))
         self.ends = [(self._end(row["a"], row["point_a"]), self._end(row["b"], row["point_b"])) for row in rows]
+        self.tip = self._end(len(chain.bodies) - 1, np.zeros(3))
 
     def _end(self, body: int, point: np.ndarray) -> tuple[int, np.ndarray]:
         """Joint and point in its axes of a point of a body."""
@@ -32,8 +66,10 @@ class Loop:
         pose = fl.frames(self.chain, np.zeros(self.chain.n))
         place = pose.points[body] + pose.rotations[body] @ point
         bodies = self.chain.bodies
-        while bodies["stop"][body] == bodies["first"][body]:
+        while body >= 0 and bodies["stop"][body] == bodies["first"][body]:
             body = bodies["parent"][body] - 1
+        if body < 0:
+            return 0, place
         joint = self.model.getJointId(self.chain.joint_names[bodies["stop"][body] - 1])
         return joint, self.data.oMi[joint].actInv(place)
 
@@ -48,16 +84,20 @@ class Loop:
         return (
             data.oMi[joint].act(point),
             J[:3] - pin.skew(arm) @ J[3:],
-            a.linear + np.cross(a.angular, arm) + np.cross(ω, np.cross(ω, arm)),
+            a.linear + pin.skew(a.angular) @ arm + pin.skew(ω) @ (pin.skew(ω) @ arm),
         )
 
     def ties(self, q: np.ndarray, qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """g, J and J̇ q̇, in Pinocchio's order of the coordinates."""
         pin.forwardKinematics(self.model, self.data, q, qd, np.zeros(self.chain.n))
         pin.computeJointJacobians(self.model, self.data, q)
-        found = []
+        found, known = [], {}
         for row, (one, other) in zip(self.rows, self.ends, strict=True):
-            (a, J_a, acc_a), (b, J_b, acc_b) = self._moves(*one), self._moves(*other)
+            for end in (one, other):
+                key = end[0], end[1].tobytes()
+                if key not in known:
+                    known[key] = self._moves(*end)
+            (a, J_a, acc_a), (b, J_b, acc_b) = (known[end[0], end[1].tobytes()] for end in (one, other))
             if row["kind"] == KIND.point:
                 u = row["along"]
                 found.append((u @ (a - b), u @ (J_a - J_b), u @ (acc_a - acc_b)))
@@ -68,24 +108,77 @@ class Loop:
         g, J, moved = zip(*found, strict=True)
         return np.array(g), np.array(J), np.array(moved)
 
-    def run(self, q: np.ndarray, qd: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """Angles (samples, n) at the times t from a state at t[0], without a drive."""
-        chain, n, order = self.chain, self.chain.n, np.array(self.order)
+    def accelerations(self, q: np.ndarray, qd: np.ndarray, torque: np.ndarray) -> np.ndarray:
+        """z̈ at q and q̇ (n,), under drive torques (n,)."""
+        chain, order, n = self.chain, self.order, self.chain.n
+        at, rate = np.zeros((2, n))
+        at[order], rate[order] = q, qd
+        M = pin.crba(self.model, self.data, at)
+        M = np.triu(M) + np.triu(M, 1).T
+        M[order, order] += chain.hinges["armature"]
+        f = -pin.nonLinearEffects(self.model, self.data, at, rate)
+        f[order] += torque - self.resisting(q, qd)
+        _, J, moved = self.ties(at, rate)
+        if len(self.force):
+            f += self._moves(*self.tip)[1].T @ self.force
+        Φ = np.empty_like(self.Φ)
+        Φ[order] = self.Φ
+        M, f, J = Φ.T @ M @ Φ, Φ.T @ f, J @ Φ
+        both = np.linalg.solve(M, np.column_stack([f, J.T]))
+        free, Y = both[:, 0], both[:, 1:]
+        return free - Y @ np.linalg.lstsq(J @ Y, J @ free + moved, rcond=1e-10)[0]
 
-        def rates(_t: float, y: np.ndarray) -> np.ndarray:
-            q, qd = y[:n], y[n:]
-            M = pin.crba(self.model, self.data, q)
-            M = np.triu(M) + np.triu(M, 1).T
-            M[order, order] += chain.hinges["armature"]
-            f = -pin.nonLinearEffects(self.model, self.data, q, qd)
-            f[order] -= chain.stiffness * (q[order] - chain.rest) + chain.damping * qd[order]
-            _, J, moved = self.ties(q, qd)
-            free, Y = np.linalg.solve(M, f), np.linalg.solve(M, J.T)
-            λ = np.linalg.lstsq(J @ Y, J @ free + moved, rcond=1e-10)[0]
-            return np.concatenate([qd, free - Y @ λ])
+    def resisting(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+        """Torques (n,) of springs, dampers and friction."""
+        chain, hinges, dampers = self.chain, self.chain.hinges, self.chain.force("dampers")
+        if len(chain.couplings):
+            found = fl.elastic_torque(self.bare, q) + fl.friction_torque(self.bare, qd)
+        else:
+            found = chain.stiffness * (q - chain.rest) + chain.damping * qd
+            found = found + hinges["coulomb"] * np.tanh(qd / hinges["coulomb_width"])
+        at = dampers["hinge"]
+        found[at] += dampers["quadratic"] * np.abs(qd[at]) * qd[at]
+        return found
 
-        start = np.zeros(2 * n)
-        start[order], start[n + order] = q, qd
-        solved = solve_ivp(rates, (t[0], t[-1]), start, method="DOP853", rtol=1e-10, atol=1e-12, t_eval=t)
-        assert solved.success, solved.message
-        return solved.y[:n].T[:, order]
+    def fastest(self, q: np.ndarray) -> float:
+        """Largest rate at which the arm without ties moves by itself, by vibration or by damping [1/s]."""
+        hinges, Φ = self.chain.hinges, self.Φ
+        M, K = (Φ.T @ each @ Φ for each in (fl.mass_matrix(self.bare, q), np.diag(self.chain.stiffness)))
+        D = Φ.T @ np.diag(self.chain.damping + hinges["coulomb"] / hinges["coulomb_width"]) @ Φ
+        zero, one = np.zeros_like(M), np.eye(len(M))
+        A = np.block([[zero, one], [np.linalg.solve(M, -K), np.linalg.solve(M, -D)]])
+        return float(np.abs(np.linalg.eigvals(A)).max())
+
+    def run(
+        self, q: np.ndarray, qd: np.ndarray, t: np.ndarray, torque: Torque = undriven, *,
+        held: np.ndarray | None = None, method: str = "DOP853",
+    ) -> np.ndarray:  # fmt: skip
+        """Angles (samples, n) at the times t from a state at t[0]; a torque is constant from each time `held` on."""
+        Φ, m, start = self.Φ, self.Φ.shape[1], q
+        knots = np.unique(np.concatenate([t, t if held is None else held[held < t[-1]]]).round(12))
+        y, found, count = np.concatenate([np.zeros(m), np.linalg.lstsq(Φ, qd)[0]]), [q], 0
+        τ = np.zeros(len(q))
+
+        def rates(now: float, y: np.ndarray) -> np.ndarray:
+            nonlocal count
+            count += 1
+            if count > self.most or not np.isfinite(y).all():
+                raise TooHardError
+            q, qd = start + Φ @ y[:m], Φ @ y[m:]
+            return np.concatenate([y[m:], self.accelerations(q, qd, torque(now, q, qd) if held is None else τ)])
+
+        if held is None:
+            pieces = [(t[0], t[-1], t)]
+        else:
+            pieces = [(a, b, np.array([a, b])) for a, b in itertools.pairwise(knots)]
+        for begin, end, at in pieces:
+            if held is not None and np.isclose(held, begin, rtol=0.0, atol=1e-11).any():
+                τ = torque(begin, start + Φ @ y[:m], Φ @ y[m:])
+            strict = 1e-10 if method == "DOP853" else 1e-8
+            solved = solve_ivp(rates, (begin, end), y, method=method, rtol=strict, atol=1e-2 * strict, t_eval=at)
+            if not solved.success:
+                raise TooHardError(solved.message)
+            y = solved.y[:, -1]
+            wanted = np.isin(at[1:].round(12), t.round(12))
+            found += list(start + solved.y[:m, 1:].T[wanted] @ Φ.T)
+        return np.array(found)
