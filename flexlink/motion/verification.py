@@ -90,7 +90,7 @@ def needs_comparison(monitor: Monitor) -> bool:
 
 
 def _switches(monitor: Monitor) -> bool:
-    """Whether torques jump often, or a rigid model computes torques of elastic gears: errors then add up.
+    """Whether torques jump often, ties have springs, or a rigid model controls elastic gears: errors then add up.
 
     Torques or their derivatives jump where a table changes them, where motors reach their limits, and where steps are
     rejected; this may deceive error estimates. Among 280 runs with motors at their limits that do not turn far, those
@@ -98,7 +98,7 @@ def _switches(monitor: Monitor) -> bool:
     holds nothing: the arm may balance like an upright pendulum, and so amplify errors.
     """
     record, drive, steps = monitor.record, monitor.record.inputs.drive, monitor.steps
-    if record.problem.ties is not None and (record.problem.ties[0]["low"] < record.problem.ties[0]["high"]).any():
+    if record.problem.ties is not None and np.isfinite(record.problem.ties[0]["stiffness"]).any():
         return True
     jumps, taken = (len(corners(drive)) if drive.law == TABLE else 0) + steps.rejected, steps.taken
     if drive.law == COMPUTED_TORQUE and not drive.rate and len(on_elastic_gears(record.chain.arrays)) > 0:
