@@ -50,7 +50,6 @@ def tie_rows(scene: Scene, chain: Chain) -> Ties | None:
         return None
     for there, what in (
         (scene.motion, "[[motion]]"),
-        (scene.initial.passive == "static", "initial.passive = 'static'"),
         (scene.drive.kind == "computed_torque", "drive.kind = 'computed_torque'"),
         (scene.drive.gravity != "none", f"drive.gravity = {scene.drive.gravity!r}"),
     ):
@@ -133,7 +132,7 @@ def gaps(ties: Ties, chain: Chain, q: Array, t: float = 0.0) -> tuple[Array, Arr
     return g, J, -moved[1]
 
 
-def closed(ties: Ties | None, chain: Chain, q: Array, qd: Array, t: float) -> tuple[Array, Array]:
+def closed(ties: Ties, chain: Chain, q: Array, qd: Array, t: float) -> tuple[Array, Array]:
     """The state near q, q̇ (n,) in which all exact ties are closed; a warning names the joint that moved most.
 
     The driven joints and free joints move; springs only if these are not enough. Hinges with shapes keep to them.
@@ -143,8 +142,8 @@ def closed(ties: Ties | None, chain: Chain, q: Array, qd: Array, t: float) -> tu
     SceneError
         No state near this one closes the ties.
     """
-    held = np.empty(0, int) if ties is None else np.flatnonzero(np.isinf(ties[0]["stiffness"]))
-    if ties is None or not len(held):
+    held = np.flatnonzero(np.isinf(ties[0]["stiffness"]))
+    if not len(held):
         return q, qd
     start, near = q.copy(), CLOSED * chain.size
     found = [part[held] for part in gaps(ties, chain, q, t)]

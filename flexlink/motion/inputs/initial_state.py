@@ -14,6 +14,7 @@ from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.describe.joint_units import IN_METRES
 from flexlink.describe.scene import Scene
+from flexlink.dynamics.ties import Ties, closed
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.inputs.record import Inputs, MotionTable
 from flexlink.motion.inputs.actuation import inputs_with, wrench_at
@@ -61,8 +62,8 @@ def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
     return state_under(inputs_with(no_drive(), scene, chain), scene, chain)
 
 
-def state_under(inputs: Inputs, scene: Scene, chain: Chain) -> tuple[Array, Array]:
-    """Return the `initial_state` of a scene whose inputs are known."""
+def state_under(inputs: Inputs, scene: Scene, chain: Chain, ties: Ties | None = None) -> tuple[Array, Array]:
+    """Return the `initial_state` of a scene whose inputs are known, with its ties closed."""
     initial = scene.initial
     q = qd = np.zeros(chain.n)
     if initial.q is None or initial.qd is None:
@@ -71,7 +72,15 @@ def state_under(inputs: Inputs, scene: Scene, chain: Chain) -> tuple[Array, Arra
     if chain.shapes is not None:
         on_shapes(chain, "initial.q", q - chain.rest)
         on_shapes(chain, "initial.qd", qd, "/s")
-    if initial.passive == "static" and len(chain.active) < chain.n:
+    if ties is not None:
+        q, qd = closed(ties, chain, q, qd, initial.time)
+    if initial.passive == "static" and ties is not None:
+        from flexlink.dynamics.tied_equilibrium import tied_equilibrium  # noqa: PLC0415  statics
+
+        drive, acting = inputs.drive, (*wrench_at(inputs, initial.time), initial.time)
+        held = drive.joints[(drive.kp > 0.0) | (not drive.kp.any())]
+        q = tied_equilibrium(ties, chain, q, held, *acting)
+    elif initial.passive == "static" and len(chain.active) < chain.n:
         from flexlink.dynamics.equilibrium import static_posture  # noqa: PLC0415  statics
 
         wrench, frame = wrench_at(inputs, initial.time)

@@ -16,7 +16,7 @@ from flexlink.describe.spec import build_unchecked, build_validated
 from flexlink.describe.tie import refuse_ties
 from flexlink.dynamics.floating_base import FloatingBase
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
-from flexlink.dynamics.ties import closed, tie_rows
+from flexlink.dynamics.ties import tie_rows
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.motion.inputs.actuation import input_arrays, of_kind
@@ -49,15 +49,13 @@ def problem_of(
 
         check_placements(scene)
     inputs = input_arrays(scene, chain) if inputs is None else inputs
-    state = closed(ties, chain, *state_under(inputs, scene, chain), scene.initial.time)
-    return InitialValueProblem(scene, chain, inputs, *state, ties, base)
+    return InitialValueProblem(scene, chain, inputs, *state_under(inputs, scene, chain, ties), ties, base)
 
 
 def started(problem: InitialValueProblem, scene: Scene) -> InitialValueProblem:
     """The problem with the initial state of another scene that is otherwise equal; errors as in `problem_of`."""
     check_start(scene, problem.chain)
-    state = state_under(problem.inputs, scene, problem.chain)
-    q, qd = closed(problem.ties, problem.chain, *state, scene.initial.time)
+    q, qd = state_under(problem.inputs, scene, problem.chain, problem.ties)
     return dataclasses.replace(problem, scene=scene, q=q, qd=qd)
 
 

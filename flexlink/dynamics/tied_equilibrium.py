@@ -1,0 +1,86 @@
+"""Equilibrium of an arm with ties: Newton's method for q and the multipliers λ of exact rows, dense.
+
+    T_GC(q) + T_FL(q) + Jᵀ λ = 0        on all coordinates that a drive does not hold
+    exact rows: g(q) = 0                springs: λ by their law at rest
+
+The matrix is K + Σ k Jᵀ J + Σ λ ∂J/∂q, bordered by J of the exact rows; ∂J/∂q by central differences.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import ConvergenceError
+from flexlink.common.types import Array, Indices
+from flexlink.describe.actions import Frame
+from flexlink.dynamics.forces import turns_with_tip
+from flexlink.dynamics.free_motion import basis
+from flexlink.dynamics.tangent import load_torque, stiffness_matrix
+from flexlink.dynamics.terms import elastic_torque
+from flexlink.dynamics.ties import Ties, gaps
+from flexlink.kernels.stepping.ties import spring_forces
+
+PASSES = 200  # Newton steps
+LARGEST = 0.1  # largest change of a coordinate in one of them [rad, m]
+SETTLED = 1e-12  # change at which the iteration has converged [rad, m]
+
+
+def tied_equilibrium(ties: Ties, chain: Chain, q: Array, held: Indices, wrench: Array, frame: Frame, t: float) -> Array:
+    """The equilibrium (n,) near q with these joints held, under a tip wrench (6,), at time t [s] of lengths that move.
+
+    Raises
+    ------
+    ConvergenceError
+        There is no stable equilibrium near q.
+    """
+    start, λ, still = q, np.zeros(len(ties[0])), np.zeros(chain.n)
+    B = basis(chain, np.setdiff1d(np.arange(chain.n), held))
+    exact, follower = np.isinf(ties[0]["stiffness"]), turns_with_tip(frame)
+    for _ in range(PASSES):
+        g, J, _ = gaps(ties, chain, q, t)
+        stretched = _springs(ties, g, λ)
+        torque = load_torque(chain, q, still, wrench, follower) + elastic_torque(chain, q) + J.T @ λ
+        K = stiffness_matrix(chain, q, still, wrench, follower) + J.T @ (stretched[:, None] * J)
+        reduced, border = B.T @ (K @ B + _turning(ties, chain, q, λ, t, B)), J[exact] @ B
+        r, f, least = len(border), len(reduced), _least(reduced, border)
+        stable = least > -1e-9 * np.abs(reduced).max(initial=0.0)
+        if not stable:  # away from unstable equilibria
+            reduced = reduced - 2.0 * least * np.eye(f)
+        matrix = np.block([[reduced, border.T], [border, np.zeros((r, r))]])
+        right = -np.concatenate([B.T @ torque, g[exact]])
+        change = np.linalg.lstsq(matrix, right, rcond=1e-14)[0]
+        part = min(1.0, LARGEST / max(np.abs(change[:f]).max(initial=0.0), 1e-300))
+        q, λ[exact] = q + part * (B @ change[:f]), λ[exact] + part * change[f:]
+        if stable and np.abs(change[:f]).max(initial=0.0) <= SETTLED * max(1.0, chain.size):
+            return np.asarray(q)
+    raise ConvergenceError(
+        f"{chain.name}: initial.passive = 'static': no stable equilibrium of the tied arm near its start; give "
+        "initial.joint_deg nearer to it, let a drive hold more joints, or start with initial.passive = 'zero'",
+        q=start, load=0.0, id="no-equilibrium",
+    )  # fmt: skip
+
+
+def _springs(ties: Ties, g: Array, λ: Array) -> Array:
+    """Write λ of springs at rest to λ; returns their slopes ∂λ/∂g (r,), 0 for exact rows."""
+    rows, ends, apart = ties[0], np.empty((2, len(λ))), 1e-9
+    for end, side in zip(ends, (-1.0, 1.0), strict=True):
+        spring_forces(rows, g + side * apart, np.zeros(len(λ)), end)
+    exact = np.isinf(rows["stiffness"])
+    own = np.empty(len(λ))
+    spring_forces(rows, g, np.zeros(len(λ)), own)
+    λ[~exact] = own[~exact]
+    return np.where(exact, 0.0, (ends[1] - ends[0]) / (2.0 * apart))
+
+
+def _turning(ties: Ties, chain: Chain, q: Array, λ: Array, t: float, B: Array) -> Array:
+    """∂(Jᵀ λ)/∂q B (n, f) at constant λ."""
+    nudge = 1e-6
+    pulls = [[gaps(ties, chain, q + side * nudge * along, t)[1].T @ λ for side in (1.0, -1.0)] for along in B.T]
+    return np.array([(ahead - back) / (2.0 * nudge) for ahead, back in pulls]).reshape(-1, chain.n).T
+
+
+def _least(K: Array, J: Array) -> float:
+    """Least eigenvalue of K (f, f) on motions that exact rows J (r, f) allow; inf if they allow none."""
+    free = np.linalg.svd(J)[2][np.linalg.matrix_rank(J, tol=1e-9) :] if len(J) else np.eye(len(K))
+    return float(np.linalg.eigvalsh(free @ (K + K.T) @ free.T / 2.0).min(initial=np.inf))
