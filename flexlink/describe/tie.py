@@ -45,7 +45,7 @@ class TieEnd(Spec, frozen=True):
     """Point of the undeformed link, in the link's frame, instead of `x`; or the point in frame 0 [m]."""
     axis: Vector3 | None = None
     """Direction in axes of the link or of frame 0, which need not be normalized. Hinge: its axis; default: the tie's
-    `axis`. Slider: the line on which the tie's point slides. Point: the only direction in which the tie acts, as of a
+    `axis`. Slider: the line on which the tie's point moves. Point: the only direction in which the tie acts, as of a
     wall."""
 
     def __post_init__(self) -> None:

@@ -19,11 +19,7 @@ from flexlink.dynamics.free_motion import basis
 from flexlink.dynamics.tangent import load_torque, stiffness_matrix
 from flexlink.dynamics.terms import elastic_torque
 from flexlink.dynamics.ties import Ties, gaps
-from flexlink.kernels.stepping.ties import spring_forces
-
-PASSES = 200  # Newton steps
-LARGEST = 0.1  # largest change of a coordinate in one of them [rad, m]
-SETTLED = 1e-12  # change at which the iteration has converged [rad, m]
+from flexlink.kernels.stepping.tie_rows import spring_forces
 
 
 def tied_equilibrium(ties: Ties, chain: Chain, q: Array, held: Indices, wrench: Array, frame: Frame, t: float) -> Array:
@@ -34,10 +30,11 @@ def tied_equilibrium(ties: Ties, chain: Chain, q: Array, held: Indices, wrench: 
     ConvergenceError
         There is no stable equilibrium near q.
     """
+    passes, largest, settled = 200, 0.1, 1e-12  # Newton steps; largest and last change of a coordinate [rad, m]
     start, λ, still = q, np.zeros(len(ties[0])), np.zeros(chain.n)
     B = basis(chain, np.setdiff1d(np.arange(chain.n), held))
     exact, follower = np.isinf(ties[0]["stiffness"]), turns_with_tip(frame)
-    for _ in range(PASSES):
+    for _ in range(passes):
         g, J, _ = gaps(ties, chain, q, t)
         stretched = _springs(ties, g, λ)
         torque = load_torque(chain, q, still, wrench, follower) + elastic_torque(chain, q) + J.T @ λ
@@ -50,9 +47,9 @@ def tied_equilibrium(ties: Ties, chain: Chain, q: Array, held: Indices, wrench: 
         matrix = np.block([[reduced, border.T], [border, np.zeros((r, r))]])
         right = -np.concatenate([B.T @ torque, g[exact]])
         change = np.linalg.lstsq(matrix, right, rcond=1e-14)[0]
-        part = min(1.0, LARGEST / max(np.abs(change[:f]).max(initial=0.0), 1e-300))
+        part = min(1.0, largest / max(np.abs(change[:f]).max(initial=0.0), 1e-300))
         q, λ[exact] = q + part * (B @ change[:f]), λ[exact] + part * change[f:]
-        if stable and np.abs(change[:f]).max(initial=0.0) <= SETTLED * max(1.0, chain.size):
+        if stable and np.abs(change[:f]).max(initial=0.0) <= settled * max(1.0, chain.size):
             return np.asarray(q)
     raise ConvergenceError(
         f"{chain.name}: initial.passive = 'static': no stable equilibrium of the tied arm near its start; give "

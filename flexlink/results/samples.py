@@ -252,7 +252,7 @@ class RunSamples(Result):
     @functools.cached_property
     def _tied(self) -> tuple[Array, Array]:
         """Accelerations (samples, n), and multipliers of all rows of ties (samples, r)."""
-        from flexlink.dynamics.ties import tied_motion  # noqa: PLC0415  few scenes have ties
+        from flexlink.dynamics.tied_motion import tied_motion  # noqa: PLC0415  few scenes have ties
 
         return tied_motion(self.scene, self.chain, self.t, self.q, self.qd, self._untied())
 
@@ -265,7 +265,7 @@ class RunSamples(Result):
         """
         if self.scene is None or not self.scene.tie:
             return {}
-        from flexlink.dynamics.ties import tie_forces  # noqa: PLC0415
+        from flexlink.dynamics.tied_motion import tie_forces  # noqa: PLC0415
 
         self.warn_of_vibrations()
         return tie_forces(self.scene, self.chain, self._tied[1])
@@ -282,7 +282,7 @@ class RunSamples(Result):
         from flexlink.dynamics.loads import internal_loads  # noqa: PLC0415
 
         if self.scene is not None and self.scene.tie:
-            from flexlink.dynamics.ties import tied_loads  # noqa: PLC0415
+            from flexlink.dynamics.tied_motion import tied_loads  # noqa: PLC0415
 
             motion = self.q, self.qd, self.qdd
             return tied_loads(self.scene, self.chain, motion, self.tip_wrench, self._tied[1])

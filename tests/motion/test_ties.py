@@ -360,7 +360,7 @@ def test_a_boom_on_a_cylinder_starts_at_rest(bends: dict, stiffness: float | Non
     scene = arm({"length": 1.0, **bends}, ties=[lift | {"stiffness": stiffness}], start=[5.0]).varied(static)
     run = fl.simulate(scene.varied({"run.tolerance": 1e-6}))
     assert np.abs(run.q - run.q[0]).max() < 1e-9  # a thousandth of the tolerance
-    assert np.abs(run.qdd).max() < 1e-7
+    assert np.abs(run.qdd[0]).max() < 1e-8
     if not bends and stiffness:  # the least energy: m g L/2 sin θ + k (l − 0.8)² / 2
         m = 1200 * 0.012 * 0.03
 
@@ -375,7 +375,7 @@ def test_a_boom_on_a_cylinder_starts_at_rest(bends: dict, stiffness: float | Non
 def test_a_tied_arm_starts_at_rest(scene: fl.Scene) -> None:
     run = fl.simulate(scene.varied({"initial.passive": "static", "run.tolerance": 1e-6}))
     assert np.abs(run.q - run.q[0]).max() < 1e-9  # a thousandth of the tolerance
-    assert np.abs(run.qdd).max() < 1e-7
+    assert np.abs(run.qdd[0]).max() < 1e-8
 
 
 @pytest.mark.parametrize("scene", [fourbar(**BENDS), touching()], ids=["loop", "touching"])

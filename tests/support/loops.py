@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 import flexlink as fl
 from flexlink.dynamics.ties import gaps, tie_rows
-from flexlink.kernels.stepping.ties import KIND
+from flexlink.kernels.stepping.tie_rows import KIND
 
 Torque = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
 """Torques (n,) of drives at t, q and q̇."""

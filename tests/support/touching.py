@@ -7,7 +7,7 @@ import pinocchio as pin
 from scipy.integrate import solve_ivp
 
 import flexlink as fl
-from flexlink.kernels.stepping.ties import KIND
+from flexlink.kernels.stepping.tie_rows import KIND
 from tests.support.loops import Loop
 
 FREE, SPRING, HIGH, LOW = range(4)

@@ -49,7 +49,7 @@ from flexlink.kernels.stepping.newton import (
     slowest_rates,
 )
 from flexlink.kernels.stepping.step_state import STEPPER
-from flexlink.kernels.stepping.ties import answer_ties, begin_ties, keep, noise_of_ties, project, pull
+from flexlink.kernels.stepping.ties import answer_ties, begin_ties, keep, noise_of_ties, pull, settle_on_ties
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 from flexlink.kernels.tools.rare import rarely
 
@@ -82,8 +82,7 @@ def implicit_step(t, h, inputs, state, allowed, work):
     law = work.stepper[STEPPER.turning] > 0.0
     work.turning.count[0] = 0
     roundings = 200.0 * work.stepper[STEPPER.rounding]  # rounding errors of a body's position, added up over all joints
-    if work.ties is not None:
-        roundings *= noise_of_ties(h, work.stepper[STEPPER.inverse_ω1])
+    roundings *= noise_of_ties(h, work)
     most = work.stepper[STEPPER.max_iterations]
     stalled_at, slow_from = 0.5, 0.25  # contraction above 0.5: only rounding moves K; above 0.25: friction may reverse
     of_friction = 100.0 * accurate  # [m] limit at joints with dry friction: five times a step's error, by experiment
@@ -120,9 +119,7 @@ def implicit_step(t, h, inputs, state, allowed, work):
         before = moved
     add_up_work(h, done, work)
     if work.ties is not None:
-        if not project(t + h, work.new[0], work.new[1], work):
-            error = math.nan
-        work.stepper[STEPPER.work] -= work.ties.stored[1] - work.ties.stored[0]
+        error = settle_on_ties(t + h, error, work)
     return error, iteration
 
 

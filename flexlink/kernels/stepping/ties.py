@@ -40,29 +40,23 @@ forces contains the energy stored in the springs, ½ k δ², as a function of q,
 import math
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from flexlink.kernels.forward.mass_plus import factor, place_bodies, solve
-from flexlink.kernels.geometry.kinematics import add_slope, kinematics
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.stepping.implicit_layout import VECTOR
-from flexlink.kernels.tools.compiler import entry, inlined, recursion, shared, subroutine
-from flexlink.kernels.tools.numbered import numbered
-from flexlink.kernels.tools.vec3 import add, apply, dot, scale, sub, vector
+from flexlink.kernels.stepping.step_state import STEPPER
+from flexlink.kernels.stepping.tie_rows import (
+    LAW,
+    find_rows,
+    is_held,
+    law_of,
+    multiplier,
+    other_law,
+    pressed,
+    spring_forces,
+    stretch,
+)
+from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 
-KIND = numbered("point distance joint")
-TIE = np.dtype(
-    [
-        ("kind", np.int64), ("a", np.int64), ("b", np.int64),  # bodies; −1: frame 0; or the number of a coordinate
-        ("point_a", np.float64, (3,)), ("point_b", np.float64, (3,)),  # in axes of the bodies [m]
-        ("along", np.float64, (3,)),  # u in axes of body b
-        ("length", np.float64),  # l, if constant [m]
-        ("stiffness", np.float64), ("damping", np.float64),  # k, inf: held [N/m, N m/rad]; d [N s/m, N m s/rad]
-        ("low", np.float64), ("high", np.float64),  # free range [m, rad]; equal: none
-        ("dissipation", np.float64),  # c [s/m, s/rad]
-    ],
-    align=True,
-)  # fmt: skip
 REDUNDANT = 1e-11
 """Pivot of S, relative to the largest, up to which a row is redundant: above the rounding errors of any useful arm."""
 CLOSED = 1e-14
@@ -70,9 +64,6 @@ CLOSED = 1e-14
 OPEN = 1e-10
 """Largest |g| after a step, relative to the size; a step that leaves more is refused: its posture is singular."""
 TIMES = 8  # corrections of q after a step; one is enough if the step is accurate
-SOFTEST = 0.05  # smallest slope ∂λ/∂g of a range, relative to k, in Newton's matrix
-LAW = numbered("free held spring high low")
-"""Law of a row in a step; high, low: at this end of its range. From `spring` on, laws have a spring."""
 
 
 class Ties(NamedTuple):
@@ -105,39 +96,6 @@ class Ties(NamedTuple):
 
 
 @inlined
-def place(body, point, placed):
-    """Position in frame 0 of a point of a body, or of frame 0."""
-    p = vector(point)
-    return p if body < 0 else add(vector(placed.points[body]), apply(placed.rotations[body], p))
-
-
-@shared
-@entry
-def find_rows(chain, rows, length, q, placed, g, J):
-    """Write g (r,) and J (r, n) at angles q; `length` (r,) is l where it moves, and `placed` is scratch."""
-    kinematics(chain, q, placed)
-    for k in range(len(rows)):
-        row = rows[k]
-        for j in range(len(q)):
-            J[k, j] = 0.0
-        if row.kind == KIND.joint:
-            g[k], J[k, row.a] = q[row.a], 1.0
-            continue
-        a, b = place(row.a, row.point_a, placed), place(row.b, row.point_b, placed)
-        apart, with_b = sub(a, b), b
-        if row.kind == KIND.distance:
-            far = math.sqrt(dot(apart, apart))
-            u = scale(1.0 / far, apart)
-        else:
-            u, with_b = vector(row.along), a  # u turns with body b, as does its point at a
-            if row.b >= 0:
-                u = apply(placed.rotations[row.b], u)
-        g[k] = dot(u, apart) - row.length - length[k]
-        add_slope(chain, placed, row.a, a, u, J[k])
-        add_slope(chain, placed, row.b, with_b, scale(-1.0, u), J[k])
-
-
-@inlined
 def find_at(t, q, g, ties, chain):
     """Write g and J at time t, and l(t) with its derivatives to `moved`."""
     follow(ties.lengths, t, ties.moved[0], ties.moved[1], ties.moved[2])
@@ -151,72 +109,6 @@ def rate(k, qd, ties):
     for j in range(len(qd)):
         v += ties.J[k, j] * qd[j]
     return v
-
-
-@inlined
-def pressed(row, side, g, v):
-    """λ of a range beyond its high end, side 1, or its low end, side −1: ≥ 0 if it presses; continued before that."""
-    depth = side * (g - (row.high if side > 0.0 else row.low))
-    return row.stiffness * depth * (1.0 + row.dissipation * side * v if depth > 0.0 else 1.0)
-
-
-@inlined
-def is_held(row):
-    """Whether a row is held, without a spring."""
-    return row.stiffness == math.inf
-
-
-@recursion
-def law_of(row, g, v):
-    """LAW that is valid at g and ġ."""
-    if is_held(row):
-        return LAW.held
-    if row.low == row.high:
-        return LAW.spring
-    if row.high < math.inf and pressed(row, 1.0, g, v) > 0.0:
-        return LAW.high
-    if row.low > -math.inf and pressed(row, -1.0, g, v) > 0.0:
-        return LAW.low
-    return LAW.free
-
-
-@recursion
-def other_law(row, law, g):
-    """The law that a row takes instead: free, or the nearer end of its range."""
-    if law != LAW.free:
-        return LAW.free
-    return LAW.high if row.high - g < g - row.low else LAW.low
-
-
-@inlined
-def stretch(row, law, g):
-    """δ of a row by a law, without regard to its validity; 0 if the law has no spring."""
-    if law < LAW.spring:
-        return 0.0
-    return g - (row.low if law == LAW.low else row.high)
-
-
-@recursion
-def multiplier(row, law, g, v):
-    """λ of a row with a spring by a law, without regard to its validity; ∂λ/∂g and ∂λ/∂ġ."""
-    k, d, c, δ = row.stiffness, row.damping, row.dissipation, stretch(row, law, g)
-    if law == LAW.spring:
-        return k * δ + d * v, k, d
-    if law == LAW.free:
-        return 0.0, 0.0, 0.0
-    side = 1.0 if law == LAW.high else -1.0
-    grown = 1.0 + c * side * v
-    return k * δ * grown, k * max(SOFTEST, grown), max(0.0, k * c * side * δ)
-
-
-@shared
-@entry
-def spring_forces(rows, g, v, λ):
-    """Write λ (r,) of all springs at g and ġ (r,); 0 for rows that are held."""
-    for k in range(len(rows)):
-        λ[k] = 0.0
-        if not is_held(rows[k]):
-            λ[k], _, _ = multiplier(rows[k], law_of(rows[k], g[k], v[k]), g[k], v[k])
 
 
 @recursion
@@ -255,12 +147,12 @@ def begin_ties(t, h, state, middle, accepted, work):
 
 
 @inlined
-def noise_of_ties(h, τ):
-    """Factor of rounding errors in Newton's iteration: those of g become errors g / h of rates, and act for a time τ.
+def noise_of_ties(h, work):
+    """Factor of rounding errors in Newton's iteration: those of g become errors g / h of rates, for a time 1/ω₁.
 
-    Measured: up to 4 rounding errors of a position times τ / h.
+    Measured: up to 4 rounding errors of a position times 1 / (ω₁ h); 20 are allowed, in units of 200.
     """
-    return max(1.0, 0.1 * τ / h)
+    return 1.0 if work.ties is None else max(1.0, 0.1 * work.stepper[STEPPER.inverse_ω1] / h)
 
 
 @inlined
@@ -418,6 +310,14 @@ def project(t, q, qd, work):
             g[k] = rate(k, qd, ties)
         move_by(g, qd, ties)
     return off <= OPEN * ties.size[0]
+
+
+@recursion
+def settle_on_ties(t, error, work):
+    """Put the end of the step, at time t, onto the held rows, and add the springs to W; returns nan if they open."""
+    closed = project(t, work.new[0], work.new[1], work)
+    work.stepper[STEPPER.work] -= work.ties.stored[1] - work.ties.stored[0]
+    return error if closed else math.nan
 
 
 @recursion

@@ -18,7 +18,7 @@ from flexlink.describe.arm import Arm
 from flexlink.describe.link import Link
 from flexlink.describe.material import Section
 from flexlink.describe.scene import Scene
-from flexlink.dynamics.ties import rods_of
+from flexlink.dynamics.tied_motion import rods_of
 
 Whole = Indices
 Cuts = tuple[tuple[int, ...], tuple[int, ...]]

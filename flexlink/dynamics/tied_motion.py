@@ -1,0 +1,103 @@
+"""What ties do in a run: accelerations, forces, internal loads, and their places in pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import open_chain
+from flexlink.common.types import Array, Indices
+from flexlink.describe.scene import Scene
+from flexlink.dynamics.free_motion import basis
+from flexlink.dynamics.loads import InternalLoads, loads_of_bodies
+from flexlink.dynamics.result import read_only
+from flexlink.dynamics.terms import mass_matrix
+from flexlink.dynamics.ties import Rows, Ties, gaps, rows_of, tie_rows
+from flexlink.kernels.geometry.kinematics import forward_kinematics
+from flexlink.kernels.inputs.drive_torque import follow
+from flexlink.kernels.stepping.tie_rows import KIND, TIE, spring_forces
+
+
+def tied_motion(scene: Scene | None, chain: Chain, t: Array, q: Array, qd: Array, qdd: Array) -> tuple[Array, Array]:
+    """q̈ (samples, n) with the ties of a scene, and their multipliers (samples, r); `qdd` is q̈ without ties."""
+    ties = None if scene is None else tie_rows(scene, chain)
+    if ties is None:
+        return qdd, np.empty((len(qdd), 0))
+    found = [tied_acceleration(ties, chain, *state) for state in zip(t.tolist(), q, qd, qdd, strict=True)]
+    return read_only(np.array([a for a, _ in found])), read_only(np.array([λ for _, λ in found]))
+
+
+def tied_acceleration(ties: Ties, chain: Chain, t: float, q: Array, qd: Array, qdd: Array) -> tuple[Array, Array]:
+    """q̈ (n,) with ties, from q̈ without them, and the multipliers λ (r,) [N, N m]: M (q̈ − q̈⁰) = −Jᵀ λ.
+
+    λ of springs follow from their law; those of exact rows from g̈ = 0, where J̇ q̇ is a central difference along q̇ with
+    a relative error of 1e-10. Of redundant rows it is the least λ.
+    """
+    rows, lengths = ties
+    g, J, moves = gaps(ties, chain, q, t)
+    λ, held = np.zeros(len(rows)), np.isinf(rows["stiffness"])
+    spring_forces(rows, g, J @ qd + moves, λ)
+    B = basis(chain, np.arange(chain.n))
+    Y = B @ np.linalg.solve(B.T @ mass_matrix(chain, q) @ B, B.T @ J.T)
+    qdd = qdd - Y @ λ
+    if held.any():
+        moved, nudge = np.zeros((3, len(rows))), 1e-5 / max(np.abs(qd).max(), 1e-300)
+        follow(lengths, t, *moved)
+        ahead, back = (gaps(ties, chain, q + side * nudge * qd, t)[1] @ qd for side in (1.0, -1.0))
+        bent = (ahead - back) / (2.0 * nudge) - moved[2]
+        λ[held] = np.linalg.lstsq((J @ Y)[np.ix_(held, held)], (J @ qdd + bent)[held], rcond=1e-10)[0]
+        qdd = qdd - Y[:, held] @ λ[held]
+    return qdd, λ
+
+
+def tied_loads(
+    scene: Scene | None, chain: Chain, motion: tuple[Array, Array, Array], wrench: Array, λ: Array
+) -> InternalLoads:
+    """Internal loads at samples of q, q̇, q̈ (samples, n) with tip wrenches (samples, 6) and multipliers (samples, r)."""
+    ties = None if scene is None else tie_rows(scene, chain)
+    rows = np.zeros(0, TIE) if ties is None else ties[0]
+    found = [
+        loads_of_bodies(chain, q, qd, qdd, of_tip, _on_bodies(rows, chain, q, own))
+        for q, qd, qdd, of_tip, own in zip(*motion, wrench, λ, strict=True)
+    ]
+    parts = (np.array([vars(one)[name] for one in found]) for name in ("force", "moment", "hinge_moment"))
+    return InternalLoads(*map(read_only, parts))
+
+
+def _on_bodies(rows: Rows, chain: Chain, q: Array, λ: Array) -> tuple[Array, Array]:
+    """Forces −λ u of ties on all bodies, and their moments about the origins (bodies, 3), in axes of frame 0."""
+    pose = forward_kinematics(chain.arrays, q)
+    force, moment = np.zeros((2, len(chain.bodies), 3))
+    for row, multiplier in zip(rows[rows["kind"] != KIND.joint], λ[rows["kind"] != KIND.joint], strict=True):
+        ends = [
+            point if body < 0 else pose.points[body] + pose.rotations[body] @ point
+            for body, point in ((row["a"], row["point_a"]), (row["b"], row["point_b"]))
+        ]
+        u = row["along"] if row["b"] < 0 else pose.rotations[row["b"]] @ row["along"]
+        if row["kind"] == KIND.distance:
+            u = (ends[0] - ends[1]) / np.linalg.norm(ends[0] - ends[1])
+        for body, end, pull in ((row["a"], ends[0], -multiplier * u), (row["b"], ends[0], multiplier * u)):
+            if body >= 0:
+                force[body] += pull
+                moment[body] += np.cross(end - pose.points[body], pull)
+    return force, moment
+
+
+def tie_forces(scene: Scene, chain: Chain, λ: Array) -> dict[str, Array]:
+    """Force of each tie by its name, from the multipliers (samples, r) of all rows, as in `Trajectory.tie_forces`."""
+    first, forces = 0, {}
+    for tie in scene.tie:
+        rows = rows_of(tie, open_chain(scene), chain)
+        own = λ[:, first : first + len(rows)]
+        vector = tie.kind in ("hinge", "slider") or len(rows) == 3
+        forces[tie.name] = -own @ rows["along"] if vector else own[:, 0]
+        first += len(rows)
+    return forces
+
+
+def rods_of(scene: Scene, chain: Chain) -> tuple[Indices, Array]:
+    """Bodies (2 t,), 0 for frame 0, and points in their axes (2 t, 3), of the ends of all ties that keep a distance."""
+    ties = tie_rows(scene, chain)
+    rows = np.zeros(0, TIE) if ties is None else ties[0][ties[0]["kind"] == KIND.distance]
+    ends = np.stack([rows["a"], rows["b"]], axis=1).reshape(-1) + 1
+    return ends, np.stack([rows["point_a"], rows["point_b"]], axis=1).reshape(-1, 3)

@@ -1,0 +1,126 @@
+"""Rows of ties: g and J of each, and the laws of their multipliers λ (`ties`)."""
+
+import math
+
+import numpy as np
+
+from flexlink.kernels.geometry.kinematics import add_slope, kinematics
+from flexlink.kernels.tools.compiler import entry, inlined, recursion, shared
+from flexlink.kernels.tools.numbered import numbered
+from flexlink.kernels.tools.vec3 import add, apply, dot, scale, sub, vector
+
+KIND = numbered("point distance joint")
+TIE = np.dtype(
+    [
+        ("kind", np.int64), ("a", np.int64), ("b", np.int64),  # bodies; −1: frame 0; or the number of a coordinate
+        ("point_a", np.float64, (3,)), ("point_b", np.float64, (3,)),  # in axes of the bodies [m]
+        ("along", np.float64, (3,)),  # u in axes of body b
+        ("length", np.float64),  # l, if constant [m]
+        ("stiffness", np.float64), ("damping", np.float64),  # k, inf: held [N/m, N m/rad]; d [N s/m, N m s/rad]
+        ("low", np.float64), ("high", np.float64),  # free range [m, rad]; equal: none
+        ("dissipation", np.float64),  # c [s/m, s/rad]
+    ],
+    align=True,
+)  # fmt: skip
+SOFTEST = 0.05  # smallest slope ∂λ/∂g of a range, relative to k, in Newton's matrix
+LAW = numbered("free held spring high low")
+"""Law of a row in a step; high, low: at this end of its range. From `spring` on, laws have a spring."""
+
+
+@inlined
+def place(body, point, placed):
+    """Position in frame 0 of a point of a body, or of frame 0."""
+    p = vector(point)
+    return p if body < 0 else add(vector(placed.points[body]), apply(placed.rotations[body], p))
+
+
+@shared
+@entry
+def find_rows(chain, rows, length, q, placed, g, J):
+    """Write g (r,) and J (r, n) at angles q; `length` (r,) is l where it moves, and `placed` is scratch."""
+    kinematics(chain, q, placed)
+    for k in range(len(rows)):
+        row = rows[k]
+        for j in range(len(q)):
+            J[k, j] = 0.0
+        if row.kind == KIND.joint:
+            g[k], J[k, row.a] = q[row.a], 1.0
+            continue
+        a, b = place(row.a, row.point_a, placed), place(row.b, row.point_b, placed)
+        apart, with_b = sub(a, b), b
+        if row.kind == KIND.distance:
+            far = math.sqrt(dot(apart, apart))
+            u = scale(1.0 / far, apart)
+        else:
+            u, with_b = vector(row.along), a  # u turns with body b, as does its point at a
+            if row.b >= 0:
+                u = apply(placed.rotations[row.b], u)
+        g[k] = dot(u, apart) - row.length - length[k]
+        add_slope(chain, placed, row.a, a, u, J[k])
+        add_slope(chain, placed, row.b, with_b, scale(-1.0, u), J[k])
+
+
+@inlined
+def pressed(row, side, g, v):
+    """λ of a range beyond its high end, side 1, or its low end, side −1: ≥ 0 if it presses; continued before that."""
+    depth = side * (g - (row.high if side > 0.0 else row.low))
+    return row.stiffness * depth * (1.0 + row.dissipation * side * v if depth > 0.0 else 1.0)
+
+
+@inlined
+def is_held(row):
+    """Whether a row is held, without a spring."""
+    return row.stiffness == math.inf
+
+
+@recursion
+def law_of(row, g, v):
+    """LAW that is valid at g and ġ."""
+    if is_held(row):
+        return LAW.held
+    if row.low == row.high:
+        return LAW.spring
+    if row.high < math.inf and pressed(row, 1.0, g, v) > 0.0:
+        return LAW.high
+    if row.low > -math.inf and pressed(row, -1.0, g, v) > 0.0:
+        return LAW.low
+    return LAW.free
+
+
+@recursion
+def other_law(row, law, g):
+    """The law that a row takes instead: free, or the nearer end of its range."""
+    if law != LAW.free:
+        return LAW.free
+    return LAW.high if row.high - g < g - row.low else LAW.low
+
+
+@inlined
+def stretch(row, law, g):
+    """δ of a row by a law, without regard to its validity; 0 if the law has no spring."""
+    if law < LAW.spring:
+        return 0.0
+    return g - (row.low if law == LAW.low else row.high)
+
+
+@recursion
+def multiplier(row, law, g, v):
+    """λ of a row with a spring by a law, without regard to its validity; ∂λ/∂g and ∂λ/∂ġ."""
+    k, d, c, δ = row.stiffness, row.damping, row.dissipation, stretch(row, law, g)
+    if law == LAW.spring:
+        return k * δ + d * v, k, d
+    if law == LAW.free:
+        return 0.0, 0.0, 0.0
+    side = 1.0 if law == LAW.high else -1.0
+    grown = 1.0 + c * side * v
+    return k * δ * grown, k * max(SOFTEST, grown), max(0.0, k * c * side * δ)
+
+
+@shared
+@entry
+def spring_forces(rows, g, v, λ):
+    """Write λ (r,) of all springs at g and ġ (r,); 0 for rows that are held."""
+    for k in range(len(rows)):
+        λ[k] = 0.0
+        if not is_held(rows[k]):
+            λ[k], _, _ = multiplier(rows[k], law_of(rows[k], g[k], v[k]), g[k], v[k])
