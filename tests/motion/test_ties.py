@@ -10,10 +10,9 @@ from scipy.integrate import solve_ivp
 
 import flexlink as fl
 from flexlink.describe.scene import scene_from
-from flexlink.kernels.geometry.kinematics import forward_kinematics
 from flexlink.motion.inputs.ties import gaps, open_chain, tie_rows
 from tests.campaigns.random_ties import judged
-from tests.support.loops import Loop
+from tests.support.loops import Loop, places
 from tests.support.words import refused
 
 BENDS = {"flex": "z", "segments": 3}
@@ -41,17 +40,13 @@ def fourbar(**bends: object) -> fl.Scene:
     return arm(*lengths, ties=[pin("l3", 1.1, 0.0, 0.0)], start=[60.0, -33.03, -116.34])
 
 
-def paths(chain: fl.Chain, q: np.ndarray) -> np.ndarray:
-    return np.array([forward_kinematics(chain.arrays, each).points for each in np.ascontiguousarray(q)])
-
-
 def checked(scene: fl.Scene, most: float = 3.0) -> fl.Trajectory:
     """The run of a scene, which is closed at all samples, and near that of another engine."""
     problem = fl.Problem(scene)
     chain, rows = problem.chain, tie_rows(scene, problem.chain)
     run = problem.simulate()
     truth = Loop(chain, rows).run(run.q[0], run.qd[0], run.t)
-    off = np.linalg.norm(paths(chain, run.q) - paths(chain, truth), axis=2).max()
+    off = np.linalg.norm(places(chain, run.q) - places(chain, truth), axis=2).max()
     assert off <= most * run.stated.allowed
     assert run.kept
     assert max(np.abs(gaps(rows, chain, q)[0]).max() for q in run.q) <= 1e-12 * chain.size
@@ -78,7 +73,7 @@ def test_a_rod_between_two_links_keeps_its_length() -> None:
     scene = arm({"length": 0.4}, {"length": 0.5}, {"length": 0.5}, ties=[rod], start=[20.0, -50.0, -80.0])
     with pytest.warns(RuntimeWarning, match="closed"):
         run = checked(scene)
-    points = paths(run.chain, run.q)
+    points = places(run.chain, run.q)
     place = points[:, 0] + 0.1 / 0.4 * (points[:, 1] - points[:, 0])
     np.testing.assert_allclose(np.linalg.norm(run.tip - place, axis=1), 0.7, rtol=1e-12)
 
