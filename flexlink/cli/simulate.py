@@ -27,6 +27,7 @@ from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.dynamics.sensors.instrument import coarse_samples
 from flexlink.motion.evaluation_cost import machine_factor, run_cost
 from flexlink.motion.inputs.problem import problem_of
+from flexlink.motion.inputs.ties import open_chain
 from flexlink.motion.single_run import SingleRun
 from flexlink.results.files import TRAJECTORY, ending
 from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError
@@ -76,7 +77,7 @@ def run_command(options: argparse.Namespace) -> int:
         ready = SingleRun(
             problem_of(scene, tied=True)
         )  # compiles now, so signals act at once and run times are correct
-        shared.print_notes(scene)
+        shared.print_notes(open_chain(scene))
     with deferred() as stop, contextlib.ExitStack() as last:
         last.callback(finish)
         bar = Progress(scene.name)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import flexlink as fl
+from flexlink.cli.main import main
 from flexlink.describe.scene import scene_from
 from flexlink.motion.inputs.ties import gaps, open_chain, tie_rows
 from tests.campaigns.random_ties import judged
@@ -100,6 +102,11 @@ def test_hinges_of_strain_modes_keep_to_their_shapes_when_ties_close_at_the_star
 def test_random_loops_move_as_in_another_engine(seed: int) -> None:
     """Run a few of the loops that `python -m tests.campaigns.random_ties 0 300` runs."""
     assert {found.outcome for found in judged(seed)} == {"right"}
+
+
+def test_the_command_simulates_a_loop(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["simulate", str(fourbar().save(tmp_path / "fourbar.toml"))]) == 0
+    assert "final tip position: x = 1.1" in capsys.readouterr().out
 
 
 def test_a_tie_may_have_any_name() -> None:
