@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from flexlink.chain.lumping import open_chain
 from flexlink.cli import shared
 from flexlink.common.interruption import deferred, finish
 from flexlink.common.output import write_or_keep
@@ -74,7 +75,7 @@ def run_command(options: argparse.Namespace) -> int:
     shared.require_picture(options.plot)
     with shared.prefix_errors(options.scene):
         ready = SingleRun(problem_of(scene, tied=True))  # compiles now: signals act at once, run times are correct
-        shared.print_notes(scene)
+        shared.print_notes(open_chain(scene))
     with deferred() as stop, contextlib.ExitStack() as last:
         last.callback(finish)
         bar = Progress(scene.name)

@@ -92,16 +92,16 @@ class Tie(TieEnd, frozen=True, kw_only=True):
     lengths: Annotated[tuple[Positive, ...] | None, measured_in("m")] = None
     """For a distance that moves, instead of `length`: the distance at each time [m]; it keeps the last one."""
     stiffness: Annotated[Positive | None, measured_in("N/m", "N m/rad")] = None
-    """Stiffness k of a spring in place of an exact tie [N/m, on a revolute joint N m/rad]; of a point in each axis."""
+    """Stiffness k of a spring in place of an exact tie [N/m]; on a revolute joint [N m/rad]. Default: exact."""
     damping: Annotated[NonNegative, measured_in("N s/m", "N m s/rad")] = 0.0
-    """Damping of a spring without a free range [N s/m, N m s/rad]."""
+    """Damping of a spring without a free range [N s/m]; on a revolute joint [N m s/rad]."""
     play: Annotated[Positive | None, measured_in("m", "rad")] = None
-    """Free range of a spring, from −play/2 to play/2 [m, rad]: of a distance about `length`, of a joint about 0."""
+    """Free range of a spring [m], from −play/2 to play/2: about `length`; on a revolute joint [rad], about zero."""
     only: Literal["push", "pull"] | None = None
     """Direction of a spring: a cable only pulls, g > 0; a wall with its outward normal `to.axis` only pushes, g < 0."""
     dissipation: Annotated[NonNegative, measured_in("s/m", "s/rad")] = 0.0
-    """Factor c of the speed in the force of a spring with a free range [s/m, s/rad]; about 1.5 (1 − e) / v for a
-    coefficient of restitution e near 1 at the speed v."""
+    """Factor c of the speed in the force of a spring with a free range [s/m]; on a revolute joint [s/rad]. It is about
+    1.5 (1 − e) / v for a coefficient of restitution e near 1 at the speed v."""
     to: TieEnd = TieEnd()
     """The other end, `to.link` with `to.x` or `to.point`; without a link `to.point` is a point of frame 0."""
 

@@ -1,6 +1,6 @@
-"""Random closed loops: runs are as near to another engine's as their tolerance, or say that they are not.
+"""Random closed loops: runs are as near to another engine's as their tolerance, or warn that they are not.
 
-    python -m tests.campaigns.random_ties 0 300   # seeds; exit code 1 if a run is wrong in silence
+    OPENBLAS_NUM_THREADS=1 python -m tests.campaigns.random_ties 0 300   # seeds; exit code 1: a run is silently wrong
 
 Planar and spatial loops, rods, links tied to links, two loops, trees, slides, strain modes, springs between hinges;
 rigid to soft links, dampers, dry friction, gears, drives with limits or sampled, wrenches, initial rates, any gravity.
@@ -20,15 +20,15 @@ import flexlink as fl
 from flexlink.describe.scene import scene_from
 from flexlink.dynamics.free_motion import all_motions
 from flexlink.dynamics.ties import gaps, tie_rows
-from tests.support.loops import Loop, TooHardError, Torque, placed, turned
+from tests.support.loops import Loop, TooHardError, Torque, placed, places, turned
 from validation.random_arms import Dice
 
 MAKES = ("planar", "tilted", "spatial", "rods", "links", "two", "tree", "slide", "modes", "cells")
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 WRONG, OPEN = 10.0, 1e-12  # wrong: error over tolerance; open: gap over size of the arm
 DURATION, SAMPLE = 0.3, 0.05
-MOST, FAST = 20_000, 1e4  # evaluations of the truth; rate [1/s] from which it is implicit
-EVALUATIONS = 2e5  # of a run
+MOST, FAST = 12_000, 1e4  # evaluations of the truth; rate [1/s] from which it is implicit
+EVALUATIONS = 2e4  # of a run
 
 
 class Found(NamedTuple):
@@ -36,7 +36,7 @@ class Found(NamedTuple):
 
     make: str
     tolerance: float
-    outcome: str  # "right", "told", "unknown", "WRONG", "OPEN", or the id of an error
+    outcome: str  # "right", "warned", "unknown", "WRONG", "OPEN", or the id of an error
     error: float = np.nan  # over the tolerance
     gap: float = np.nan  # over the size of the arm
     note: str = ""
@@ -93,7 +93,7 @@ class Maker:
         if self.make == "slide" and (k == 1 or dice.chance(0.2)):
             joint |= {"kind": "prismatic", "axis": [1, 0, dice.one_of(0, 1)] if self.flat else list(dice.direction())}
         joint["viscous"] = dice.one_of(0.0, 0.0, dice.decades(-3, 0.5))
-        joint["armature"] = dice.one_of(0.0, 0.0, dice.decades(-3, -1))
+        joint["armature"] = dice.one_of(0.0, 0.0, dice.decades(-3, -1)) or 1e-3 * (not self.flat)  # slow twists
         if dice.chance(0.15):
             joint |= {"coulomb": dice.decades(-2, 0.3), "coulomb_width": dice.decades(-2, -0.5)}
         if dice.chance(0.08) and "kind" not in joint:
@@ -166,10 +166,6 @@ def torque_of(scene: fl.Scene, chain: fl.Chain) -> Torque:
     return law
 
 
-def places(chain: fl.Chain, q: np.ndarray) -> np.ndarray:
-    return np.array([fl.frames(chain, each).points for each in q])
-
-
 def truth_of(problem: fl.Problem, rows: np.ndarray) -> tuple[np.ndarray, str]:
     """Places of all bodies at all samples, and where they are from; nan if they are unknown."""
     scene, chain, t = problem.scene, problem.chain, SAMPLE * np.arange(round(DURATION / SAMPLE) + 1)
@@ -180,7 +176,7 @@ def truth_of(problem: fl.Problem, rows: np.ndarray) -> tuple[np.ndarray, str]:
         q = loop.run(start.q[0], start.qd[0], t, torque_of(scene, chain), held=held, method=method)
         return places(chain, q), f"pinocchio {method}"
     except TooHardError:
-        long = scene.varied({"run.max_evaluations": 2 * EVALUATIONS})
+        long = scene.varied({"run.max_evaluations": 10 * EVALUATIONS})
         with contextlib.suppress(fl.FlexlinkError):
             return places(chain, fl.simulate(long, method="Radau9", tolerance=1e-7).q), "Radau9"
     return np.array(np.nan), "unknown"
@@ -190,7 +186,11 @@ def judged(seed: int) -> Iterator[Found]:
     """The runs of the scene of a seed."""
     maker = Maker(seed)
     scene = maker.scene()
-    problem = fl.Problem(scene)
+    try:
+        problem = fl.Problem(scene)
+    except fl.FlexlinkError as error:
+        yield Found(maker.make, np.nan, str(error.id), note=str(error))
+        return
     ties = tie_rows(scene, problem.chain)
     truth, source = truth_of(problem, ties[0])
     for tolerance in TOLERANCES:
@@ -202,7 +202,7 @@ def judged(seed: int) -> Iterator[Found]:
         off = np.linalg.norm(places(run.chain, run.q) - truth, axis=2).max() / tolerance
         gap = max(np.abs(gaps(ties, run.chain, q)[0]).max() for q in run.q) / run.chain.size
         known = "unknown" if np.isnan(off) else "WRONG" if off > WRONG else "right"
-        outcome = "OPEN" if gap > OPEN else "told" if run.warnings or not run.kept else known
+        outcome = "OPEN" if gap > OPEN else "warned" if run.warnings or not run.kept else known
         yield Found(maker.make, tolerance, outcome, float(off), float(gap), f"{source}; {run.steps}")
 
 

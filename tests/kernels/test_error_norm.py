@@ -37,7 +37,7 @@ class Work(NamedTuple):
 @kernel
 def weighed(h, q, e_q, e_v, work):
     place_bodies(q, work.posture)
-    return step_error_norm(h, e_q, e_v, work.springs, work.posture, work.chain, work.stepper)
+    return step_error_norm(h, e_q, e_v, work.springs, work.posture, work.chain, work.stepper, None)
 
 
 @kernel

@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 
 import flexlink as fl
 from flexlink.dynamics.ties import gaps, tie_rows
+from flexlink.kernels.geometry.kinematics import forward_kinematics
 from flexlink.kernels.stepping.tie_rows import KIND
 
 Torque = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
@@ -25,6 +26,11 @@ class TooHardError(Exception):
 
 def undriven(t: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
     return np.zeros(len(q))
+
+
+def places(chain: fl.Chain, q: np.ndarray) -> np.ndarray:
+    """Points of all bodies at angles (samples, n)."""
+    return np.array([forward_kinematics(chain.arrays, each).points for each in np.ascontiguousarray(q)])
 
 
 def placed(scene: fl.Scene, chain: fl.Chain, q: np.ndarray, link: str, **where: Any) -> np.ndarray:

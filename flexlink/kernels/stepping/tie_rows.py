@@ -22,6 +22,7 @@ TIE = np.dtype(
     ],
     align=True,
 )  # fmt: skip
+ROUNDING = 1e-12  # largest slope of a row, relative to the distance of its points from the origin, that is an error
 SOFTEST = 0.05  # smallest slope ∂λ/∂g of a range, relative to k, in Newton's matrix
 LAW = numbered("free held spring high low")
 """Law of a row in a step; high, low: at this end of its range. From `spring` on, laws have a spring."""
@@ -58,6 +59,12 @@ def find_rows(chain, rows, length, q, placed, g, J):
         g[k] = dot(u, apart) - row.length - length[k]
         add_slope(chain, placed, row.a, a, u, J[k])
         add_slope(chain, placed, row.b, with_b, scale(-1.0, u), J[k])
+        largest = 0.0
+        for j in range(len(q)):
+            largest = max(largest, abs(J[k, j]))
+        if largest <= ROUNDING * (math.sqrt(dot(a, a)) + math.sqrt(dot(b, b))):
+            for j in range(len(q)):
+                J[k, j] = 0.0
 
 
 @inlined

@@ -128,7 +128,7 @@ def begin_ties(t, h, state, middle, accepted, work):
 
     `accepted`: whether the last multipliers belong to an accepted step; if not, those of the step before return.
     """
-    ties, q, qd = work.ties, state[0], state[1]
+    ties, q, qd, first = work.ties, state[0], state[1], work.stepper[STEPPER.last_step] == 0.0
     g = ties.gap[0]
     find_at(t, q, g, ties, work.chain)
     for k in range(len(ties.rows)):
@@ -138,7 +138,7 @@ def begin_ties(t, h, state, middle, accepted, work):
         for i in range(len(ties.λ)):
             if accepted:
                 ties.last[i, k] = ties.λ[i, k]
-            ties.λ[i, k] = 0.0 if ties.law[k] == LAW.free else ties.last[i, k]
+            ties.λ[i, k] = 0.0 if ties.law[k] == LAW.free or first else ties.last[i, k]
     ties.stored[0] = energy(g, ties)
     find_at(t + 0.5 * h, middle, g, ties, work.chain)
     for k in range(len(ties.rows)):
@@ -162,6 +162,8 @@ def pull(i, t, q, qd, R, work):
     find_at(t, q, ties.gap[i], ties, work.chain)
     for k in range(len(ties.rows)):
         λ, row = ties.λ[i, k], ties.rows[k]
+        if ties.law[k] == LAW.held and abs(ties.gap[i, k]) <= CLOSED * ties.size[0]:
+            ties.gap[i, k] = 0.0  # its rounding errors over h² would be accelerations
         for j in range(len(q)):
             R[j] -= ties.J[k, j] * λ
         if i == 0:
