@@ -150,9 +150,9 @@ def begin_ties(t, h, state, middle, accepted, work):
 def noise_of_ties(h, work):
     """Factor of rounding errors in Newton's iteration: those of g become errors g / h of rates, for a time 1/ω₁.
 
-    Measured: up to 4 rounding errors of a position times 1 / (ω₁ h); 20 are allowed, in units of 200.
+    Measured: up to 4 rounding errors of a position times 1 / (ω₁ h); 6 are allowed, in units of 200.
     """
-    return 1.0 if work.ties is None else max(1.0, 0.1 * work.stepper[STEPPER.inverse_ω1] / h)
+    return 1.0 if work.ties is None else max(1.0, 0.03 * work.stepper[STEPPER.inverse_ω1] / h)
 
 
 @inlined
@@ -162,7 +162,7 @@ def pull(i, t, q, qd, R, work):
     find_at(t, q, ties.gap[i], ties, work.chain)
     for k in range(len(ties.rows)):
         λ, row = ties.λ[i, k], ties.rows[k]
-        if ties.law[k] == LAW.held and abs(ties.gap[i, k]) <= CLOSED * ties.size[0]:
+        if ties.law[k] == LAW.held and abs(ties.gap[i, k]) <= 0.1 * CLOSED * ties.size[0]:
             ties.gap[i, k] = 0.0  # its rounding errors over h² would be accelerations
         for j in range(len(q)):
             R[j] -= ties.J[k, j] * λ
