@@ -81,7 +81,8 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
         end = stepper[STEPPER.switch] if switch else end
         ends = t + NEARLY * stepper[STEPPER.step] >= end
         h = end - t if ends else stepper[STEPPER.step]
-        tolerance = (absolute + part * stepper[STEPPER.deflection]) * min(1.0, max(least, h / long))
+        long_error = absolute + part * stepper[STEPPER.deflection]
+        tolerance = long_error * min(1.0, max(least, h / long))
         accurate = min(exact, max(left * tolerance, stepper[STEPPER.rounding]))
         error, iterations = take_step(t, h, inputs, state, (tolerance, accurate), work)
         count[COUNT.iterations] += iterations
@@ -91,15 +92,13 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
                 return OUTCOME.stuck
             continue
         left_branch = first_switch(t, h, inputs.drive, state, work) if switches else NEVER
-        allowed = OF_A_SWITCH * (absolute + part * stepper[STEPPER.deflection])
+        allowed = OF_A_SWITCH * long_error
         if left_branch < 1.0 and ends_at_switch(
             left_branch, t, h, smallest, duration, allowed, inputs.drive, state, work
         ):
             count[COUNT.rejected] += 1
             continue
-        off = off_inside(
-            t, h, absolute + part * stepper[STEPPER.deflection], inputs, state, knots, count, samples, work
-        )
+        off = off_inside(t, h, long_error, inputs, state, knots, count, samples, work)
         if not off < 1.0:
             refuse(h, off, p, stepper, count)
             continue
