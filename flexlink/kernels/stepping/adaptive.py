@@ -71,8 +71,8 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
     `samples`: times (rows,), q and q̇ (rows, n), W (rows,), and the record of the steps so far (rows, SO_FAR.size).
     """
     absolute, part, long, exact, left, p, duration, smallest, largest = settings
-    stepper, switches = work.stepper, absolute < math.inf and (saturates(inputs.drive) or ranges(work))
-    least = 1e-3  # smallest fraction of a long step's tolerance: only a few steps, after a jump, are so short
+    # least: smallest fraction of a long step's tolerance: only a few steps, after a jump, are so short
+    stepper, least, switches = work.stepper, 1e-3, absolute < math.inf and (saturates(inputs.drive) or ranges(work))
     for _ in range(most):
         t = stepper[STEPPER.time]
         knot = next_knot(t, stepper[STEPPER.step], knots, count)

@@ -66,7 +66,7 @@ def implicit_step(t, h, inputs, state, allowed, work):
     q, qd, qdd, done = state
     tolerance, accurate = allowed
     angles, rates = work.vectors[VECTOR.q_middle], work.vectors[VECTOR.qd_middle]
-    accepted = work.stepper[STEPPER.accepted] > 0.0
+    accepted, law = work.stepper[STEPPER.accepted] > 0.0, work.stepper[STEPPER.turning] > 0.0
     predict(h, work)
     for k in range(len(q)):
         angles[k], rates[k] = q[k] + 0.5 * h * qd[k], qd[k]
@@ -79,7 +79,6 @@ def implicit_step(t, h, inputs, state, allowed, work):
     by_stage = work.stepper[STEPPER.by_stage] > 0.0
     if by_stage:
         accurate *= 0.3  # the remaining error of K affects the error estimate more than the end of the step
-    law = work.stepper[STEPPER.turning] > 0.0
     work.turning.count[0] = 0
     roundings = 200.0 * work.stepper[STEPPER.rounding]  # rounding errors of a body's position, added up over all joints
     roundings *= noise_of_ties(h, work)
