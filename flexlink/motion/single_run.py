@@ -292,7 +292,7 @@ def _compared(first: Monitor, before: Array | None, stop: Stop) -> Monitor:
     record, motion, stated = first.record, first.before, first.stated or stated_of(first)
     part = min(PART, float(first.tolerance / stated.tip[-1]) ** 0.5)
     finer = runs_of_other_order(first.run, first.steps.method, record.chain.size, record.least_tolerance, part)
-    gap: StatedError | None = None  # of the last run but one, from the last
+    gap = wider = None  # of the last run but one, from the last; of the run before it
     runs, distance = [first], None  # distance of the last two runs, in tolerances
     with contextlib.suppress(StopIteration):
         while (other := _other(first, finer.send(distance), before, stop, len(runs), motion)) is not None:
@@ -302,14 +302,17 @@ def _compared(first: Monitor, before: Array | None, stop: Stop) -> Monitor:
                 distance = float(found.tip.max()) / first.tolerance
                 if sound and distance <= 1.0:
                     return _confirmed(run, first, found)
-            gap = found
+            wider, gap = gap, found
             runs.append(other)
             if motion is not None:
                 break
     if gap is not None and not stop.requested:
         if motion is None:
-            grown = gap.tip.max() > Thresholds.grown * first.extent
-            return _confirmed(runs[-1], first, gap if grown else extrapolated(gap, runs[-1], runs[-2]))
+            lasts = gap.tip.max() > Thresholds.grown * first.extent  # as of chaos: no smaller tolerance reduces it
+            if wider is not None:
+                shrinks = min(0.5, 3.0 * runs[-2].tolerance / runs[-3].tolerance)
+                lasts = lasts or gap.tip.max() > shrinks * wider.tip.max()
+            return _confirmed(runs[-1], first, gap if lasts else extrapolated(gap, runs[-1], runs[-2]))
         again = next(finer, None)
         return _nearer(first, gap, _other(first, again, before, stop, len(runs)) if again else None, runs[-1])
     if not stop.requested:
