@@ -72,7 +72,8 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
     """
     absolute, part, long, exact, left, p, duration, smallest, largest = settings
     # least: smallest fraction of a long step's tolerance: only a few steps, after a jump, are so short
-    stepper, least, switches = work.stepper, 1e-3, absolute < math.inf and (saturates(inputs.drive) or ranges(work))
+    stepper, least, limited = work.stepper, 1e-3, absolute < math.inf and saturates(inputs.drive)
+    switches = limited or (absolute < math.inf and ranges(work))
     for _ in range(most):
         t = stepper[STEPPER.time]
         knot = next_knot(t, stepper[STEPPER.step], knots, count)
@@ -92,9 +93,8 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
                 return OUTCOME.stuck
             continue
         left_branch = first_switch(t, h, inputs.drive, state, work) if switches else NEVER
-        allowed = OF_A_SWITCH * long_error
         if left_branch < 1.0 and ends_at_switch(
-            left_branch, t, h, smallest, duration, allowed, inputs.drive, state, work
+            left_branch, t, h, smallest, duration, OF_A_SWITCH * long_error, inputs.drive, state, work
         ):
             count[COUNT.rejected] += 1
             continue
@@ -110,7 +110,7 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
         stepper[STEPPER.time] = end if ends else t + h
         count[COUNT.steps] += 1
         accept(h, state, work)
-        if switches and saturates(inputs.drive):
+        if limited:
             choose_branches(stepper[STEPPER.time], inputs.drive, state[0], state[1], work.springs, work.saturation)
         if left_branch < NEVER:
             begin_anew(stepper[STEPPER.time], inputs, state, tau, forward, work)
