@@ -24,8 +24,6 @@ KINDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "stop": (("stiffness",), ("dissipation",)),
 }
 """Required and optional keys of each kind, besides `link` and its point."""
-OF_JOINT = ("joint", "stop")
-"""Kinds that are on the link's joint, and have no points."""
 
 
 class TieEnd(Spec, frozen=True):
@@ -92,17 +90,17 @@ class Tie(TieEnd, frozen=True, kw_only=True):
     """For a distance that moves: times [s], from 0; between them the length is a quintic from rest to rest."""
     lengths: Annotated[tuple[Positive, ...] | None, measured_in("m")] = None
     """For a distance that moves, instead of `length`: the distance at each time [m]; it keeps the last one."""
-    stiffness: Annotated[Positive | None, measured_in("N/m", "N m/rad")] = None
-    """Stiffness k of a spring in place of an exact tie [N/m]; on a revolute joint [N m/rad]. Default: exact."""
-    damping: Annotated[NonNegative, measured_in("N s/m", "N m s/rad")] = 0.0
-    """Damping of a spring without a free range [N s/m]; on a revolute joint [N m s/rad]."""
-    play: Annotated[Positive | None, measured_in("m", "rad")] = None
-    """Free range of a spring [m], from −play/2 to play/2: about `length`; on a revolute joint [rad], about zero."""
+    stiffness: Annotated[Positive | None, measured_in("N m/rad", "N/m")] = None
+    """Stiffness k of a spring in place of an exact tie, on a revolute joint [N m/rad], else [N/m]. Default: exact."""
+    damping: Annotated[NonNegative, measured_in("N m s/rad", "N s/m")] = 0.0
+    """Damping of a spring without a free range, on a revolute joint [N m s/rad], else [N s/m]."""
+    play: Annotated[Positive | None, measured_in("rad", "m")] = None
+    """Free range of a spring, from −play/2 to play/2: on a revolute joint [rad] about zero, else [m] about `length`."""
     only: Literal["push", "pull"] | None = None
     """Direction of a spring: a cable only pulls, g > 0; a wall with its outward normal `to.axis` only pushes, g < 0."""
-    dissipation: Annotated[NonNegative, measured_in("s/m", "s/rad")] = 0.0
-    """Factor c of the speed in the force of a spring with a free range [s/m]; on a revolute joint [s/rad]. It is about
-    1.5 (1 − e) / v for a coefficient of restitution e near 1 at the speed v."""
+    dissipation: Annotated[NonNegative, measured_in("s/rad", "s/m")] = 0.0
+    """Factor c of the speed in the force of a spring with a free range, on a revolute joint [s/rad], else [s/m]. It is
+    about 1.5 (1 − e) / v for a coefficient of restitution e near 1 at the speed v."""
     to: TieEnd = TieEnd()
     """The other end, `to.link` with `to.x` or `to.point`; without a link `to.point` is a point of frame 0."""
 
@@ -117,7 +115,7 @@ class Tie(TieEnd, frozen=True, kw_only=True):
                 raise missing(key, f"kind {self.kind!r} needs it")
             if value and key not in (*needs, *may):
                 raise self._wrong(key, value, f"kind {self.kind!r} takes {', '.join((*needs, *may))}")
-        if self.kind in OF_JOINT:
+        if self.on_joint:
             for key, value in (("x", self.x), ("point", self.point), ("to", None if self.to == TieEnd() else self.to)):
                 if value is not None:
                     raise self._wrong(key, value, f"kind {self.kind!r} is on the joint of link; leave it out")
@@ -162,6 +160,11 @@ class Tie(TieEnd, frozen=True, kw_only=True):
             raise self._refused(key, text, "key-of-another-kind")
 
     @property
+    def on_joint(self) -> bool:
+        """Whether the tie is on the link's joint, and has no points."""
+        return self.kind in ("joint", "stop")
+
+    @property
     def has_range(self) -> bool:
         """Whether the tie is a spring that does not act in part of its range."""
         return bool(self.play or self.only or self.kind == "stop")
@@ -202,7 +205,7 @@ def tie_mistakes(ties: Sequence[Tie], arm: Arm) -> Iterator[Diagnostic]:
                     continue
                 if beyond := beyond_beam(end.x, arm.links[numbers[-1] - 1]):
                     yield Diagnostic(f"{above}.{beyond}", beyond.id)
-        if tie.kind in OF_JOINT and numbers:
+        if tie.on_joint and numbers:
             joint = arm.links[numbers[0] - 1].joint
             if joint.locked:
                 yield Diagnostic(f"{path}: its joint is locked; a tie needs a free joint", "tie-of-locked-joint")

@@ -31,14 +31,16 @@ def tied_equilibrium(ties: Ties, chain: Chain, q: Array, held: Indices, wrench: 
         There is no stable equilibrium near q.
     """
     passes, largest, settled = 200, 0.1, 1e-12  # Newton steps; largest and last change of a coordinate [rad, m]
-    start, λ, still = q, np.zeros(len(ties[0])), np.zeros(chain.n)
+    start, still = q, np.zeros(chain.n)
+    λ, own, slopes = np.zeros((3, len(ties[0])))
     B = basis(chain, np.setdiff1d(np.arange(chain.n), held))
     exact, follower = np.isinf(ties[0]["stiffness"]), turns_with_tip(frame)
     for _ in range(passes):
         g, J, _ = gaps(ties, chain, q, t)
-        stretched = _springs(ties, g, λ)
+        spring_forces(ties[0], g, np.zeros(len(g)), own, slopes)
+        λ[~exact] = own[~exact]
         torque = load_torque(chain, q, still, wrench, follower) + elastic_torque(chain, q) + J.T @ λ
-        K = stiffness_matrix(chain, q, still, wrench, follower) + J.T @ (stretched[:, None] * J)
+        K = stiffness_matrix(chain, q, still, wrench, follower) + J.T @ (slopes[:, None] * J)
         reduced, border = B.T @ (K @ B + _turning(ties, chain, q, λ, t, B)), J[exact] @ B
         r, f, least = len(border), len(reduced), _least(reduced, border)
         stable = least > -1e-9 * np.abs(reduced).max(initial=0.0)
@@ -56,18 +58,6 @@ def tied_equilibrium(ties: Ties, chain: Chain, q: Array, held: Indices, wrench: 
         "initial.joint_deg nearer to it, let a drive hold more joints, or start with initial.passive = 'zero'",
         q=start, load=0.0, id="no-equilibrium",
     )  # fmt: skip
-
-
-def _springs(ties: Ties, g: Array, λ: Array) -> Array:
-    """Write λ of springs at rest to λ; returns their slopes ∂λ/∂g (r,), 0 for exact rows."""
-    rows, ends, apart = ties[0], np.empty((2, len(λ))), 1e-9
-    for end, side in zip(ends, (-1.0, 1.0), strict=True):
-        spring_forces(rows, g + side * apart, np.zeros(len(λ)), end)
-    exact = np.isinf(rows["stiffness"])
-    own = np.empty(len(λ))
-    spring_forces(rows, g, np.zeros(len(λ)), own)
-    λ[~exact] = own[~exact]
-    return np.where(exact, 0.0, (ends[1] - ends[0]) / (2.0 * apart))
 
 
 def _turning(ties: Ties, chain: Chain, q: Array, λ: Array, t: float, B: Array) -> Array:

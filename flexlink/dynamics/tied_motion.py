@@ -5,24 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.chain.lumping import open_chain
 from flexlink.common.types import Array, Indices
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.free_motion import basis
 from flexlink.dynamics.loads import InternalLoads, loads_of_bodies
 from flexlink.dynamics.result import read_only
 from flexlink.dynamics.terms import mass_matrix
-from flexlink.dynamics.ties import Rows, Ties, gaps, rows_of, tie_rows
+from flexlink.dynamics.ties import Rows, Ties, gaps, number_of_rows, tie_rows
 from flexlink.kernels.geometry.kinematics import forward_kinematics
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.stepping.tie_rows import KIND, TIE, spring_forces
 
 
-def tied_motion(scene: Scene | None, chain: Chain, t: Array, q: Array, qd: Array, qdd: Array) -> tuple[Array, Array]:
-    """q̈ (samples, n) with the ties of a scene, and their multipliers (samples, r); `qdd` is q̈ without ties."""
-    ties = None if scene is None else tie_rows(scene, chain)
-    if ties is None:
-        return qdd, np.empty((len(qdd), 0))
+def tied_motion(ties: Ties, chain: Chain, t: Array, q: Array, qd: Array, qdd: Array) -> tuple[Array, Array]:
+    """q̈ (samples, n) with ties, and their multipliers (samples, r); `qdd` is q̈ without ties."""
     found = [tied_acceleration(ties, chain, *state) for state in zip(t.tolist(), q, qd, qdd, strict=True)]
     return read_only(np.array([a for a, _ in found])), read_only(np.array([λ for _, λ in found]))
 
@@ -36,7 +32,7 @@ def tied_acceleration(ties: Ties, chain: Chain, t: float, q: Array, qd: Array, q
     rows, lengths = ties
     g, J, moves = gaps(ties, chain, q, t)
     λ, held = np.zeros(len(rows)), np.isinf(rows["stiffness"])
-    spring_forces(rows, g, J @ qd + moves, λ)
+    spring_forces(rows, g, J @ qd + moves, λ, np.empty(len(rows)))
     B = basis(chain, np.arange(chain.n))
     Y = B @ np.linalg.solve(B.T @ mass_matrix(chain, q) @ B, B.T @ J.T)
     qdd = qdd - Y @ λ
@@ -50,14 +46,10 @@ def tied_acceleration(ties: Ties, chain: Chain, t: float, q: Array, qd: Array, q
     return qdd, λ
 
 
-def tied_loads(
-    scene: Scene | None, chain: Chain, motion: tuple[Array, Array, Array], wrench: Array, λ: Array
-) -> InternalLoads:
+def tied_loads(ties: Ties, chain: Chain, motion: tuple[Array, Array, Array], wrench: Array, λ: Array) -> InternalLoads:
     """Internal loads at samples of q, q̇, q̈ (samples, n) with tip wrenches (samples, 6) and multipliers (samples, r)."""
-    ties = None if scene is None else tie_rows(scene, chain)
-    rows = np.zeros(0, TIE) if ties is None else ties[0]
     found = [
-        loads_of_bodies(chain, q, qd, qdd, of_tip, _on_bodies(rows, chain, q, own))
+        loads_of_bodies(chain, q, qd, qdd, of_tip, _on_bodies(ties[0], chain, q, own))
         for q, qd, qdd, of_tip, own in zip(*motion, wrench, λ, strict=True)
     ]
     parts = (np.array([vars(one)[name] for one in found]) for name in ("force", "moment", "hinge_moment"))
@@ -66,32 +58,29 @@ def tied_loads(
 
 def _on_bodies(rows: Rows, chain: Chain, q: Array, λ: Array) -> tuple[Array, Array]:
     """Forces −λ u of ties on all bodies, and their moments about the origins (bodies, 3), in axes of frame 0."""
-    pose = forward_kinematics(chain.arrays, q)
-    force, moment = np.zeros((2, len(chain.bodies), 3))
-    for row, multiplier in zip(rows[rows["kind"] != KIND.joint], λ[rows["kind"] != KIND.joint], strict=True):
-        ends = [
-            point if body < 0 else pose.points[body] + pose.rotations[body] @ point
-            for body, point in ((row["a"], row["point_a"]), (row["b"], row["point_b"]))
-        ]
-        u = row["along"] if row["b"] < 0 else pose.rotations[row["b"]] @ row["along"]
+    pose, joints = forward_kinematics(chain.arrays, q), rows["kind"] == KIND.joint
+    R = np.concatenate([pose.rotations, np.eye(3)[None]])  # the last is frame 0, whose index is −1
+    p = np.concatenate([pose.points, np.zeros((1, 3))])
+    force, moment = np.zeros((2, len(p), 3))
+    for row, multiplier in zip(rows[~joints], λ[~joints], strict=True):
+        a, b = row["a"], row["b"]
+        end, u = p[a] + R[a] @ row["point_a"], R[b] @ row["along"]
         if row["kind"] == KIND.distance:
-            u = (ends[0] - ends[1]) / np.linalg.norm(ends[0] - ends[1])
-        for body, end, pull in ((row["a"], ends[0], -multiplier * u), (row["b"], ends[0], multiplier * u)):
-            if body >= 0:
-                force[body] += pull
-                moment[body] += np.cross(end - pose.points[body], pull)
-    return force, moment
+            apart = end - p[b] - R[b] @ row["point_b"]
+            u = apart / np.linalg.norm(apart)
+        for body, pull in ((a, -multiplier * u), (b, multiplier * u)):  # both at the end on a, in line with the other
+            force[body] += pull
+            moment[body] += np.cross(end - p[body], pull)
+    return force[:-1], moment[:-1]
 
 
-def tie_forces(scene: Scene, chain: Chain, λ: Array) -> dict[str, Array]:
+def tie_forces(scene: Scene, ties: Ties, λ: Array) -> dict[str, Array]:
     """Force of each tie by its name, from the multipliers (samples, r) of all rows, as in `Trajectory.tie_forces`."""
     first, forces = 0, {}
     for tie in scene.tie:
-        rows = rows_of(tie, open_chain(scene), chain)
-        own = λ[:, first : first + len(rows)]
-        vector = tie.kind in ("hinge", "slider") or len(rows) == 3
-        forces[tie.name] = -own @ rows["along"] if vector else own[:, 0]
-        first += len(rows)
+        own = slice(first, first + number_of_rows(tie))
+        forces[tie.name] = -λ[:, own] @ ties[0]["along"][own] if number_of_rows(tie) > 1 else λ[:, first]
+        first = own.stop
     return forces
 
 

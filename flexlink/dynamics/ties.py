@@ -17,7 +17,7 @@ from flexlink.describe.run_settings import AUTO
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.sensor import Sensor
-from flexlink.describe.tie import OF_JOINT, Tie, TieEnd, refuse_ties
+from flexlink.describe.tie import Tie, TieEnd, refuse_ties
 from flexlink.dynamics.free_motion import basis
 from flexlink.kernels.geometry.kinematics import kinematics_workspace
 from flexlink.kernels.inputs.drive_torque import follow
@@ -58,9 +58,9 @@ def tie_rows(scene: Scene, chain: Chain) -> Ties | None:
         raise SceneError(text, id="method-with-ties")
     ranged = next((tie.name for tie in scene.tie if tie.has_range), None)
     if ranged is not None and not scene.run.controlled:
-        text = f"run.step = {scene.run.step!r}: tie {ranged!r} needs steps that end where it presses; use run.tolerance"
-        raise SceneError(text, id="step-with-ties")
-    rows = [rows_of(tie, opened, chain) for tie in scene.tie]
+        why = f"tie {ranged!r} needs steps that end where it presses; give run.tolerance"
+        raise SceneError(f"run.step = {scene.run.step!r}: {why}", id="step-with-ties")
+    rows = [_rows_of(tie, opened, chain) for tie in scene.tie]
     first = np.cumsum([0, *map(len, rows)])
     driven = [k for k, tie in enumerate(scene.tie) if tie.times]
     return np.concatenate(rows).view(np.recarray), _lengths([scene.tie[k] for k in driven], first[driven])
@@ -75,14 +75,20 @@ def _lengths(ties: list[Tie], rows: Indices) -> MotionTable:
     return MotionTable(rows, first, np.concatenate([tie.times or () for tie in ties]), np.concatenate(pieces))
 
 
-def rows_of(tie: Tie, scene: Scene, chain: Chain) -> Rows:
-    """The rows of one tie: a hinge is two points on its axis, whose sixth row is redundant."""
-    number = {"distance": 1, "joint": 1, "stop": 1, "slider": 2, "hinge": 6}
-    rows = np.zeros(1 if tie.kind == "point" and tie.to.axis else number.get(tie.kind, 3), TIE)
+def number_of_rows(tie: Tie) -> int:
+    """Number of rows of a tie: a hinge is two points on its axis, whose sixth row is redundant."""
+    if tie.kind == "point":
+        return 3 if tie.to.axis is None else 1
+    return {"slider": 2, "hinge": 6}.get(tie.kind, 1)
+
+
+def _rows_of(tie: Tie, scene: Scene, chain: Chain) -> Rows:
+    """The rows of one tie."""
+    rows = np.zeros(number_of_rows(tie), TIE)
     rows["stiffness"], rows["damping"] = np.inf if tie.stiffness is None else tie.stiffness, tie.damping
     rows["low"], rows["high"] = tie.range
     rows["dissipation"], rows["length"] = tie.dissipation, tie.length or 0.0
-    if tie.kind in OF_JOINT:
+    if tie.on_joint:
         k = scene.arm.number(tie.link or 0)
         rows["kind"], rows["a"] = KIND.joint, chain.index(k, 0, 0)
         if tie.kind == "stop":

@@ -209,5 +209,8 @@ def unit_of(scene: Scene, path: str) -> str:
             kind = below
         if len(units) == 2 and keys[0] == "link" and keys[2] == "joint":  # rad or m
             units = (units[scene.arm.slides[keys[1]]],)
+        if len(units) == 2 and keys[0] == "tie":
+            tie = scene.tie[keys[1]]
+            units = (units[not tie.on_joint or scene.arm.slides[scene.arm.number(tie.link or 0) - 1]],)
         found.add(units[0] if len(units) == 1 else "")
     return found.pop() if len(found) == 1 else ""

@@ -28,6 +28,7 @@ from flexlink.kernels.stepping.error_norm import Springs
 from flexlink.kernels.stepping.implicit_layout import VECTOR, ImplicitMethod, ImplicitWork, Turning
 from flexlink.kernels.stepping.saturation import Saturation
 from flexlink.kernels.stepping.step_state import STEPPER
+from flexlink.kernels.stepping.tie_rows import LAW
 from flexlink.kernels.stepping.ties import Ties
 from flexlink.motion.inputs.drives import gains_at_zero
 from flexlink.motion.tolerable import read_by
@@ -99,8 +100,9 @@ def ties_of(record: Record, s: int, real: int, pairs: int) -> Ties | None:
         for p, kind in ((real, float), (pairs, complex), (1, float))
     )
     ranges = np.array([np.count_nonzero(rows["low"] < rows["high"])])
+    law = np.where(np.isinf(rows["stiffness"]), LAW.held, LAW.free)
     return Ties(
-        rows, np.array([chain.size]), ranges, lengths, np.zeros((3, r)), np.zeros(r, np.int64), np.full(r, np.nan),
+        rows, np.array([chain.size]), ranges, lengths, np.zeros((3, r)), law, np.full(r, np.nan),
         λ, last, gap, np.zeros((2, r)), np.zeros(2), np.zeros((2, r)), kinematics_workspace(chain.arrays), J, middle,
         of_real, of_pairs, again, np.zeros(r),
     )  # fmt: skip

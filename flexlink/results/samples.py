@@ -27,6 +27,7 @@ from flexlink.results import balance
 
 if TYPE_CHECKING:
     from flexlink.dynamics.loads import InternalLoads
+    from flexlink.dynamics.ties import Ties
 
 
 class Steps(NamedTuple):
@@ -236,7 +237,7 @@ class RunSamples(Result):
 
     def accelerations(self) -> Array:
         """As `qdd`, without its warning."""
-        return self._tied[0] if self.scene is not None and self.scene.tie else self._untied()
+        return self._untied() if self._ties is None else self._tied[0]
 
     def _untied(self) -> Array:
         """Accelerations of the chain without its ties."""
@@ -250,11 +251,20 @@ class RunSamples(Result):
         return read_only(each(forward_dynamics, free, given, tip_wrench=self.tip_wrench))
 
     @functools.cached_property
+    def _ties(self) -> Ties | None:
+        if self.scene is None or not self.scene.tie:
+            return None
+        from flexlink.dynamics.ties import tie_rows  # noqa: PLC0415  few scenes have ties
+
+        return tie_rows(self.scene, self.chain)
+
+    @functools.cached_property
     def _tied(self) -> tuple[Array, Array]:
         """Accelerations (samples, n), and multipliers of all rows of ties (samples, r)."""
-        from flexlink.dynamics.tied_motion import tied_motion  # noqa: PLC0415  few scenes have ties
+        from flexlink.dynamics.tied_motion import tied_motion  # noqa: PLC0415
 
-        return tied_motion(self.scene, self.chain, self.t, self.q, self.qd, self._untied())
+        assert self._ties is not None
+        return tied_motion(self._ties, self.chain, self.t, self.q, self.qd, self._untied())
 
     @functools.cached_property
     def tie_forces(self) -> Mapping[str, Array]:
@@ -263,12 +273,12 @@ class RunSamples(Result):
         For ties on a joint it is the torque [N m] or force that pulls the coordinate down. Ties that hold a point in
         several directions give the force on the point of the link, in axes of `to`, shape (samples, 3).
         """
-        if self.scene is None or not self.scene.tie:
+        if self.scene is None or self._ties is None:
             return {}
         from flexlink.dynamics.tied_motion import tie_forces  # noqa: PLC0415
 
         self.warn_of_vibrations()
-        return tie_forces(self.scene, self.chain, self._tied[1])
+        return tie_forces(self.scene, self._ties, self._tied[1])
 
     @functools.cached_property
     def loads(self) -> InternalLoads:
@@ -281,11 +291,11 @@ class RunSamples(Result):
         """
         from flexlink.dynamics.loads import internal_loads  # noqa: PLC0415
 
-        if self.scene is not None and self.scene.tie:
+        if self._ties is not None:
             from flexlink.dynamics.tied_motion import tied_loads  # noqa: PLC0415
 
             motion = self.q, self.qd, self.qdd
-            return tied_loads(self.scene, self.chain, motion, self.tip_wrench, self._tied[1])
+            return tied_loads(self._ties, self.chain, motion, self.tip_wrench, self._tied[1])
         return internal_loads(self.chain, self.q, self.qd, self.qdd, tip_wrench=self.tip_wrench)
 
     @property

@@ -114,16 +114,22 @@ class Loop:
         g, J, moved = zip(*found, strict=True)
         return np.array(g), np.array(J), np.array(moved)
 
-    def accelerations(self, q: np.ndarray, qd: np.ndarray, torque: np.ndarray) -> np.ndarray:
-        """z̈ at q and q̇ (n,), under drive torques (n,)."""
-        chain, order, n = self.chain, self.order, self.chain.n
-        at, rate = np.zeros((2, n))
-        at[order], rate[order] = q, qd
+    def open(self, at: np.ndarray, rate: np.ndarray, torque: np.ndarray | float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """M and τ − h without ties, in Pinocchio's order of the coordinates, in which positions and rates are."""
+        order = self.order
         M = pin.crba(self.model, self.data, at)
         M = np.triu(M) + np.triu(M, 1).T
-        M[order, order] += chain.hinges["armature"]
+        M[order, order] += self.chain.hinges["armature"]
         f = -pin.nonLinearEffects(self.model, self.data, at, rate)
-        f[order] += torque - self.resisting(q, qd)
+        f[order] += torque - self.resisting(at[order], rate[order])
+        return M, f
+
+    def accelerations(self, q: np.ndarray, qd: np.ndarray, torque: np.ndarray) -> np.ndarray:
+        """z̈ at q and q̇ (n,), under drive torques (n,)."""
+        order = self.order
+        at, rate = np.zeros((2, self.chain.n))
+        at[order], rate[order] = q, qd
+        M, f = self.open(at, rate, torque)
         _, J, moved = self.ties(at, rate)
         if len(self.force):
             f += self._moves(*self.tip)[1].T @ self.force

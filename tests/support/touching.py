@@ -53,30 +53,23 @@ class Touching(Loop):
 
     def leaves(self, k: int, law: int, g: np.ndarray, v: np.ndarray) -> float:
         """How far a spring is beyond its law."""
-        row = self.rows[k]
         if law in (HIGH, LOW):
             return -self.pressed(k, law, g, v)
-        ends = [end for end, edge in ((HIGH, row["high"]), (LOW, row["low"])) if np.isfinite(edge)]
-        return max(self.pressed(k, end, g, v) for end in ends) if law == FREE else -1.0
+        return max(self.pressed(k, end, g, v) for end in (HIGH, LOW)) if law == FREE else -1.0
 
     def law(self, k: int, g: np.ndarray, v: np.ndarray) -> int:
         row = self.rows[k]
         if row["low"] == row["high"]:
             return SPRING
-        ends = [end for end, edge in ((HIGH, row["high"]), (LOW, row["low"])) if np.isfinite(edge)]
-        return next((end for end in ends if self.pressed(k, end, g + 1e-12 * v, v) > 0), FREE)
+        return next((end for end in (HIGH, LOW) if self.pressed(k, end, g + 1e-12 * v, v) > 0), FREE)
 
     def run(self, q: np.ndarray, qd: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, int]:
         """Angles (samples, n) at the times t from a state at t[0], without a drive, and the number of pieces."""
-        chain, n, order, r = self.chain, self.chain.n, np.array(self.order), range(len(self.rows))
+        n, order, r = self.chain.n, self.order, range(len(self.rows))
 
         def rates(_t: float, y: np.ndarray, laws: list[int]) -> np.ndarray:
             q, qd = y[:n], y[n:]
-            M = pin.crba(self.model, self.data, q)
-            M = np.triu(M) + np.triu(M, 1).T
-            M[order, order] += chain.hinges["armature"]
-            f = -pin.nonLinearEffects(self.model, self.data, q, qd)
-            f[order] -= chain.stiffness * (q[order] - chain.rest) + chain.damping * qd[order]
+            M, f = self.open(q, qd)
             g, J = self.springs(q, qd)
             for k, law in enumerate(laws):
                 if law == SPRING:

@@ -54,7 +54,7 @@ def take_step(t, h, inputs, state, allowed, work):
 def begin_tied(state, work):
     """Change q̈ (n,) at a start such that it satisfies the ties."""
     shift_rotors(0.0, state[1], work.factors[0], work)
-    accelerate(state, work.stepper[STEPPER.time], work)
+    accelerate(state, work)
 
 
 @entry

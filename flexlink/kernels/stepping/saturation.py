@@ -21,7 +21,7 @@ from flexlink.kernels.inputs.laws import unlimited_torque
 from flexlink.kernels.stepping.dense_output import between
 from flexlink.kernels.stepping.error_norm import CLOSER, thrown
 from flexlink.kernels.stepping.step_state import STEPPER
-from flexlink.kernels.stepping.ties import beyond_law, note_impulses, take_other_laws
+from flexlink.kernels.stepping.ties import add_impulses, beyond_law, note_impulses, take_other_laws
 from flexlink.kernels.tools.compiler import entry, inlined, recursion, shared, subroutine
 
 LOOKS = 4  # points checked in a step; a torque that leaves its branch only between two of them has a small error
@@ -57,6 +57,12 @@ def ranges(work):
     if work.ties is not None:
         return work.ties.ranges[0] > 0
     return False
+
+
+@inlined
+def looks_at(work):
+    """Number of points that are checked in a step."""
+    return OF_TIES if ranges(work) else LOOKS
 
 
 @shared
@@ -116,7 +122,7 @@ def beyond(x, t, h, drive, state, work):
 def first_switch(t, h, drive, state, work):
     """Fraction x of the step just taken at which a torque first leaves its branch; `NEVER` if none does."""
     a, f_a = 0.0, min(0.0, beyond(0.0, t, h, drive, state, work))
-    b, f_b, look, looks = 0.0, f_a, 0, OF_TIES if ranges(work) else LOOKS
+    b, f_b, look, looks = 0.0, f_a, 0, looks_at(work)
     while f_b <= 0.0 and look < looks:
         look += 1
         a, f_a = b, f_b
@@ -140,20 +146,19 @@ def first_switch(t, h, drive, state, work):
 @subroutine
 def thrown_by(x, t, h, longest, drive, state, work):
     """Largest displacement [m] of a body, in any time up to `longest`, due to torque errors after the fraction x."""
-    springs, now, looks = work.springs, work.saturation, OF_TIES if ranges(work) else LOOKS
+    springs, now, looks = work.springs, work.saturation, looks_at(work)
     for k in range(len(now.impulse)):
         now.impulse[k] = 0.0
     for look in range(looks, 0, -1):
         if look > x * looks:
             beyond(look / looks, t, h, drive, state, work)
             if work.ties is not None:
-                note_impulses((1.0 - x) * h, look == looks, now.angles, work.ties)
+                note_impulses((1.0 - x) * h, look == looks, work.ties)
             if saturates(drive):
                 for k in drive.joints:
                     now.impulse[k] = max(now.impulse[k], (1.0 - x) * h * now.off[k])
     if work.ties is not None:
-        for k in range(len(now.impulse)):
-            now.impulse[k] += now.angles[k]
+        add_impulses(now.impulse, work.ties)
     if saturates(drive):
         for k in drive.joints:
             springs.kp[k] = springs.kd[k] = 0.0

@@ -69,7 +69,7 @@ def find_rows(chain, rows, length, q, placed, g, J):
 
 @inlined
 def pressed(row, side, g, v):
-    """λ of a range beyond its high end, side 1, or its low end, side −1: ≥ 0 if it presses; continued before that."""
+    """λ of a range beyond its high end, side 1, or its low end, side −1: > 0 if it presses; −∞ without such an end."""
     depth = side * (g - (row.high if side > 0.0 else row.low))
     return row.stiffness * depth * (1.0 + row.dissipation * side * v if depth > 0.0 else 1.0)
 
@@ -87,9 +87,9 @@ def law_of(row, g, v):
         return LAW.held
     if row.low == row.high:
         return LAW.spring
-    if row.high < math.inf and pressed(row, 1.0, g, v) > 0.0:
+    if pressed(row, 1.0, g, v) > 0.0:
         return LAW.high
-    if row.low > -math.inf and pressed(row, -1.0, g, v) > 0.0:
+    if pressed(row, -1.0, g, v) > 0.0:
         return LAW.low
     return LAW.free
 
@@ -125,9 +125,9 @@ def multiplier(row, law, g, v):
 
 @shared
 @entry
-def spring_forces(rows, g, v, λ):
-    """Write λ (r,) of all springs at g and ġ (r,); 0 for rows that are held."""
+def spring_forces(rows, g, v, λ, slopes):
+    """Write λ and ∂λ/∂g (r,) of all springs at g and ġ (r,); 0 for rows that are held."""
     for k in range(len(rows)):
-        λ[k] = 0.0
+        λ[k] = slopes[k] = 0.0
         if not is_held(rows[k]):
-            λ[k], _, _ = multiplier(rows[k], law_of(rows[k], g[k], v[k]), g[k], v[k])
+            λ[k], slopes[k], _ = multiplier(rows[k], law_of(rows[k], g[k], v[k]), g[k], v[k])

@@ -47,7 +47,6 @@ from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.stepping.tie_rows import (
     LAW,
     find_rows,
-    is_held,
     law_of,
     multiplier,
     other_law,
@@ -76,7 +75,7 @@ class Ties(NamedTuple):
     rows: Any  # (r,) TIE
     size: Any  # (1,) of the arm [m]
     ranges: Any  # (1,) number of rows with a free range
-    lengths: Any  # l(t) of rows whose length moves, as of prescribed joints
+    lengths: Any  # l(t) of rows whose length moves, as `follow` reads it
     moved: Any  # (3, r) l, l̇, l̈ of these rows; 0: others
     law: Any  # (r,) LAW of each row in this step
     left: Any  # (r,) start of a step that takes another law, as the row leaves its own at once [s]; nan: none
@@ -206,7 +205,9 @@ def answer_ties(work):
 
 @inlined
 def yielding(k, z, ties):
-    """C of row k, whose law has a spring."""
+    """C of row k; 0 if its law has no spring."""
+    if ties.law[k] < LAW.spring:
+        return 0.0 * z
     return 1.0 / (z * (ties.slope[0, k] * z + ties.slope[1, k]))
 
 
@@ -257,26 +258,29 @@ def solve_small(A, used):
 
 
 @recursion
+def take_off(x, Y, A, ties):
+    """x ← x − Y μ, where A (r, r + 1) is the small system of μ; its last column is then μ."""
+    solve_small(A, ties.used)
+    for k in range(len(A)):
+        for j in range(len(x)):
+            x[j] -= A[k, len(A)] * Y[k, j]
+
+
+@recursion
 def hold(z, m, twice, T, Tinv, x, answers, ties):
     """Move x (n,), the solution for eigenvalue m without ties, by the ties, and update the stages' multipliers."""
     J, Y, S, A = ties.middle, answers[0][m], answers[1][m], answers[2]
     r, s = len(J), len(ties.λ)
     for k in range(r):
-        off, moved, C = 0.0 * z, 0.0 * z, 0.0 * z
+        off, moved, C = 0.0 * z, 0.0 * z, yielding(k, z, ties)
         for i in range(s):
             off += Tinv[m, i] * ties.gap[i, k]
         for j in range(len(x)):
             moved += J[k, j] * x[j]
-        if ties.law[k] == LAW.held:
-            off /= z * z
-        elif ties.law[k] != LAW.free:
-            C = yielding(k, z, ties)
-            off *= C
+        off = off / (z * z) if ties.law[k] == LAW.held else off * C
         put_row(k, moved + off, C, S, A, ties, False)
-    solve_small(A, ties.used)
+    take_off(x, Y, A, ties)
     for k in range(r):
-        for j in range(len(x)):
-            x[j] -= A[k, r] * Y[k, j]
         for i in range(s):
             ties.λ[i, k] += twice * (T[i, m] * A[k, r]).real
 
@@ -325,13 +329,9 @@ def settle_on_ties(t, error, work):
 @recursion
 def move_by(g, q, ties):
     """q ← q − Y S⁻¹ g over all held rows, with the answers for the first real eigenvalue."""
-    Y, S, A, r = ties.real[0][0], ties.real[1][0], ties.real[2], len(g)
-    for k in range(r):
-        put_row(k, g[k], 0.0, S, A, ties, True)
-    solve_small(A, ties.used)
-    for k in range(r):
-        for j in range(len(q)):
-            q[j] -= A[k, r] * Y[k, j]
+    for k in range(len(g)):
+        put_row(k, g[k], 0.0, ties.real[1][0], ties.real[2], ties, True)
+    take_off(q, ties.real[0][0], ties.real[2], ties)
 
 
 @recursion
@@ -342,45 +342,35 @@ def keep(z, e_q, e_v, y, work):
     if len(work.turning.dry) > 0:  # the factors have changed
         answer(J, work.factors[0], ties.real, 0, work.vectors[VECTOR.tau], work.posture)
     for k in range(r):
-        b, C = 0.0, 0.0
+        b, C = 0.0, yielding(k, z, ties)
         for j in range(len(y)):
             b += J[k, j] * (e_v[j] + y[j])
-        if ties.law[k] >= LAW.spring:
-            C = yielding(k, z, ties)
+        if C != 0.0:
             for j in range(len(y)):
                 b += C * z * ties.slope[0, k] * J[k, j] * e_q[j]
         put_row(k, b, C, S, A, ties, False)
-    solve_small(A, ties.used)
-    for k in range(r):
-        for j in range(len(y)):
-            y[j] -= A[k, r] * Y[k, j]
+    take_off(y, Y, A, ties)
 
 
 @recursion
 def pull_back(τ, δ, factors, r, posture, ties):
     """Change a displacement δ (n,) in a time τ without ties, whose matrix has these factors, to that with ties."""
     answer(ties.middle, factors, ties.again, 0, r, posture)
-    Y, S, A = ties.again[0][0], ties.again[1][0], ties.again[2]
-    for k in range(len(S)):
-        moved, C = 0.0, 0.0
+    for k in range(len(ties.rows)):
+        moved = 0.0
         for j in range(len(δ)):
             moved += ties.middle[k, j] * δ[j]
-        if ties.law[k] >= LAW.spring:
-            C = yielding(k, τ, ties)
-        put_row(k, moved, C, S, A, ties, False)
-    solve_small(A, ties.used)
-    for k in range(len(S)):
-        for j in range(len(δ)):
-            δ[j] -= A[k, len(S)] * Y[k, j]
+        put_row(k, moved, yielding(k, τ, ties), ties.again[1][0], ties.again[2], ties, False)
+    take_off(δ, ties.again[0][0], ties.again[2], ties)
 
 
 @recursion
-def accelerate(state, t, work):
+def accelerate(state, work):
     """Change q̈ at a start such that g̈ = 0 for held rows, by Jᵀ μ alone, and add the springs; factors contain rotors.
 
     J̇ q̇ is a central difference along q̇, of a relative error of 1e-9, since q̈ at a start serves the error estimate only.
     """
-    q, qd, qdd = state[0], state[1], state[2]
+    t, q, qd, qdd = work.stepper[STEPPER.time], state[0], state[1], state[2]
     ties, n, r, x = work.ties, len(state[0]), len(work.ties.rows), work.vectors[VECTOR.solution]
     fastest, g, near, Y = 0.0, ties.gap[0], ties.off[0], ties.real[0][0]
     for k in range(n):
@@ -401,9 +391,8 @@ def accelerate(state, t, work):
     find_at(t, q, near, ties, work.chain)
     answer(ties.J, work.factors[0], ties.real, 0, work.vectors[VECTOR.rhs], work.posture)
     for k in range(r):
-        ties.law[k] = LAW.held if is_held(ties.rows[k]) else LAW.free  # all that `move_by` needs to know
         ties.off[1, k] = rate(k, qd, ties)
-    spring_forces(ties.rows, near, ties.off[1], ties.slope[0])
+    spring_forces(ties.rows, near, ties.off[1], ties.slope[0], ties.slope[1])
     for k in range(r):
         for j in range(n):
             qdd[j] -= ties.slope[0, k] * Y[k, j]
@@ -427,22 +416,25 @@ def beyond_law(t, q, qd, work):
         elif law == LAW.low:
             off = -pressed(row, -1.0, g, v)
         elif law == LAW.free:
-            off = pressed(row, 1.0, g, v) if row.high < math.inf else -math.inf
-            off = max(off, pressed(row, -1.0, g, v)) if row.low > -math.inf else off
+            off = max(pressed(row, 1.0, g, v), pressed(row, -1.0, g, v))
         ties.off[0, k] = off
         largest = max(largest, off)
     return largest
 
 
 @recursion
-def note_impulses(left, first, sums, ties):
-    """Note the largest impulse of each row beyond its law in the time `left` [s]; `sums` (n,) gets Jᵀ p."""
+def note_impulses(left, first, ties):
+    """Note the largest impulse of each row beyond its law in the time `left` [s]."""
     for k in range(len(ties.rows)):
         ties.off[1, k] = max(0.0 if first else ties.off[1, k], left * ties.off[0, k])
-    for j in range(len(sums)):
-        sums[j] = 0.0
-        for k in range(len(ties.rows)):
-            sums[j] += ties.J[k, j] * ties.off[1, k]
+
+
+@recursion
+def add_impulses(impulse, ties):
+    """Add Jᵀ p of all rows to the impulses of the joints (n,)."""
+    for k in range(len(ties.rows)):
+        for j in range(len(impulse)):
+            impulse[j] += ties.J[k, j] * ties.off[1, k]
 
 
 @recursion

@@ -77,9 +77,9 @@ def state_under(inputs: Inputs, scene: Scene, chain: Chain, ties: Ties | None = 
     if initial.passive == "static" and ties is not None:
         from flexlink.dynamics.tied_equilibrium import tied_equilibrium  # noqa: PLC0415  statics
 
-        drive, acting = inputs.drive, (*wrench_at(inputs, initial.time), initial.time)
-        held = drive.joints[(drive.kp > 0.0) | (not drive.kp.any())]
-        q = tied_equilibrium(ties, chain, q, held, *acting)
+        wrench, frame = wrench_at(inputs, initial.time)
+        held = inputs.drive.joints[(inputs.drive.kp > 0.0) | (not inputs.drive.kp.any())]
+        q = tied_equilibrium(ties, chain, q, held, wrench, frame, initial.time)
     elif initial.passive == "static" and len(chain.active) < chain.n:
         from flexlink.dynamics.equilibrium import static_posture  # noqa: PLC0415  statics
 
