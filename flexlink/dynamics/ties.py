@@ -56,10 +56,6 @@ def tie_rows(scene: Scene, chain: Chain) -> Ties | None:
     if rule is not None and (rule.explicit or not len(rule.modes.real)):
         text = f"run.method = {name!r}: cannot hold tie {scene.tie[0].name!r}; use 'auto', 'Radau5' or 'Radau9'"
         raise SceneError(text, id="method-with-ties")
-    ranged = next((tie.name for tie in scene.tie if tie.has_range), None)
-    if ranged is not None and not scene.run.controlled:
-        why = f"tie {ranged!r} needs steps that end where it presses; give run.tolerance"
-        raise SceneError(f"run.step = {scene.run.step!r}: {why}", id="step-with-ties")
     rows = [_rows_of(tie, opened, chain) for tie in scene.tie]
     first = np.cumsum([0, *map(len, rows)])
     driven = [k for k, tie in enumerate(scene.tie) if tie.times]

@@ -62,7 +62,11 @@ class Loop:
         self.order = np.array([self.model.joints[self.model.getJointId(name)].idx_v for name in chain.joint_names])
         self.Φ = np.eye(chain.n) if chain.shapes is None else chain.shapes.matrix
         pin.forwardKinematics(self.model, self.data, pin.neutral(self.model))
-        self.ends = [(self._end(row["a"], row["point_a"]), self._end(row["b"], row["point_b"])) for row in rows]
+        self.ends = [
+            (self._end(row["a"], row["point_a"]), self._end(row["b"], row["point_b"]))
+            if row["kind"] != KIND.joint else ((0, np.zeros(3)),) * 2
+            for row in rows
+        ]  # fmt: skip
         self.tip = self._end(len(chain.bodies) - 1, np.zeros(3))
 
     def _end(self, body: int, point: np.ndarray) -> tuple[int, np.ndarray]:
@@ -99,6 +103,10 @@ class Loop:
         pin.computeJointJacobians(self.model, self.data, q)
         found, known = [], {}
         for row, (one, other) in zip(self.rows, self.ends, strict=True):
+            if row["kind"] == KIND.joint:
+                k = self.order[row["a"]]
+                found.append((q[k], np.eye(self.chain.n)[k], 0.0))
+                continue
             for end in (one, other):
                 key = end[0], end[1].tobytes()
                 if key not in known:

@@ -8,16 +8,20 @@ from scipy.integrate import solve_ivp
 
 import flexlink as fl
 from flexlink.kernels.stepping.tie_rows import KIND
-from tests.support.loops import Loop
+from tests.support.loops import Loop, TooHardError, Torque, undriven
 
-FREE, SPRING, HIGH, LOW = range(4)
+FREE, SPRING, HIGH, LOW, HELD = range(5)
 
 
 class Touching(Loop):
-    """A chain whose points are on springs, some of which have a free range: M q̈ + h + Jᵀ λ = τ."""
+    """A chain whose points are held or on springs, some of which have a free range: M q̈ + h + Jᵀ λ = τ.
 
-    def __init__(self, chain: fl.Chain, ties: tuple) -> None:
-        super().__init__(chain, ties[0])
+    `moves` gives times and lengths of the rows whose length moves.
+    """
+
+    def __init__(self, chain: fl.Chain, ties: tuple, moves: dict | None = None, **more: object) -> None:
+        super().__init__(chain, ties[0], **more)
+        self.moves = moves or {}
         pose = fl.frames(chain, np.zeros(chain.n))
         pin.forwardKinematics(self.model, self.data, pin.neutral(self.model))
         self.turned = [  # of the bodies b at zero, against the axes of their joints
@@ -32,6 +36,10 @@ class Touching(Loop):
         pin.computeJointJacobians(model, data, q)
         found = []
         for row, (one, other), turned in zip(self.rows, self.ends, self.turned, strict=True):
+            if row["kind"] == KIND.joint:
+                k = self.order[row["a"]]
+                found.append((q[k], np.eye(n)[k]))
+                continue
             (a, J_a, _), (b, J_b, _) = self._moves(*one), self._moves(*other)
             if row["kind"] == KIND.distance:
                 far = np.linalg.norm(a - b)
@@ -59,43 +67,86 @@ class Touching(Loop):
 
     def law(self, k: int, g: np.ndarray, v: np.ndarray) -> int:
         row = self.rows[k]
+        if np.isinf(row["stiffness"]):
+            return HELD
         if row["low"] == row["high"]:
             return SPRING
         return next((end for end in (HIGH, LOW) if self.pressed(k, end, g + 1e-12 * v, v) > 0), FREE)
 
-    def run(self, q: np.ndarray, qd: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, int]:
-        """Angles (samples, n) at the times t from a state at t[0], without a drive, and the number of pieces."""
-        n, order, r = self.chain.n, self.order, range(len(self.rows))
+    def length(self, k: int, t: float) -> tuple[float, float]:
+        """Length of a row that moves, and its rate; from rest to rest by s = 10 x³ − 15 x⁴ + 6 x⁵."""
+        times, lengths = self.moves[k]
+        if t >= times[-1]:
+            return lengths[-1], 0.0
+        i = int(np.searchsorted(times, t, side="right")) - 1
+        long, far = times[i + 1] - times[i], lengths[i + 1] - lengths[i]
+        x = (t - times[i]) / long
+        return lengths[i] + far * x**3 * (10 - 15 * x + 6 * x**2), far / long * 30 * x**2 * (1 - x) ** 2
 
-        def rates(_t: float, y: np.ndarray, laws: list[int]) -> np.ndarray:
-            q, qd = y[:n], y[n:]
-            M, f = self.open(q, qd)
-            g, J = self.springs(q, qd)
+    def state(self, t: float, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """g, J and ġ of all rows."""
+        n = self.chain.n
+        g, J = self.springs(y[:n], y[n:])
+        v = J @ y[n:]
+        for k in self.moves:
+            l, rate = self.length(k, t)
+            g[k], v[k] = g[k] - l, v[k] - rate
+        return g, J, v
+
+    def run(
+        self, q: np.ndarray, qd: np.ndarray, t: np.ndarray, torque: Torque = undriven, held: np.ndarray | None = None
+    ) -> tuple[np.ndarray, int]:
+        """Angles (samples, n) at the times t from a state at t[0], and the number of pieces.
+
+        A torque is constant from each time `held` on.
+        """
+        n, order, r, count = self.chain.n, self.order, range(len(self.rows)), 0
+        exact = [k for k in r if np.isinf(self.rows[k]["stiffness"])]
+
+        def rates(now: float, y: np.ndarray, laws: list[int], τ: np.ndarray | None) -> np.ndarray:
+            nonlocal count
+            count += 1
+            if count > self.most:
+                raise TooHardError
+            at, v = y[:n], y[n:]
+            M, f = self.open(at, v, torque(now, at[order], v[order]) if τ is None else τ)
+            if len(self.force):
+                f += self._moves(*self.tip)[1].T @ self.force
+            g, J, ġ = self.state(now, y)
             for k, law in enumerate(laws):
                 if law == SPRING:
-                    f -= J[k] * (self.rows[k]["stiffness"] * g[k] + self.rows[k]["damping"] * (J[k] @ qd))
-                elif law:
-                    f -= J[k] * self.pressed(k, law, g, J @ qd) * (1 if law == HIGH else -1)
-            return np.concatenate([qd, np.linalg.solve(M, f)])
+                    f -= J[k] * (self.rows[k]["stiffness"] * g[k] + self.rows[k]["damping"] * ġ[k])
+                elif law and law != HELD:
+                    f -= J[k] * self.pressed(k, law, g, ġ) * (1 if law == HIGH else -1)
+            free = np.linalg.solve(M, np.column_stack([f, J[exact].T]))
+            if not exact:
+                return np.concatenate([v, free[:, 0]])
+            _, J, bent = self.ties(at, v)
+            Y, a, J = free[:, 1:], free[:, 0], J[exact]
+            return np.concatenate([v, a - Y @ np.linalg.lstsq(J @ Y, J @ a + bent[exact], rcond=1e-10)[0]])
 
+        def ends(now: float, y: np.ndarray, laws: list[int], _τ: np.ndarray | None) -> float:
+            g, _, v = self.state(now, y)
+            return max(self.leaves(k, laws[k], g, v) for k in r)
+
+        ends.terminal, ends.direction = True, 1
         y, time, angles, pieces = np.zeros(2 * n), t[0], np.full((len(t), n), np.nan), 0
-        y[order], y[n + order] = q, qd
-        while np.isnan(angles[-1]).any():
-            g, J = self.springs(y[:n], y[n:])
-            laws = [self.law(k, g, J @ y[n:]) for k in r]
-
-            def ends(_t: float, y: np.ndarray, laws: list[int]) -> float:
-                g, J = self.springs(y[:n], y[n:])
-                return max(self.leaves(k, laws[k], g, J @ y[n:]) for k in r)
-
-            ends.terminal, ends.direction = True, 1
-            found = solve_ivp(
-                rates, (time, t[-1]), y, "DOP853", args=(laws,), events=ends, rtol=1e-9, atol=1e-11, dense_output=True,
-                max_step=0.05,
-            )  # fmt: skip
-            assert found.success, found.message
-            there = (t >= time) & (t <= found.t[-1])
-            if there.any():
-                angles[there] = found.sol(t[there])[:n][order].T
-            time, y, pieces = found.t[-1], found.y[:, -1], pieces + 1
+        y[order], y[n + order], τ = q, qd, None
+        moving = [at for times, _ in self.moves.values() for at in times]
+        instants = np.unique(np.concatenate([t[-1:], moving, [] if held is None else held]).round(12))
+        for stop in instants[(instants > t[0]) & (instants <= t[-1])]:
+            if held is not None and (τ is None or np.isclose(held, time, rtol=0.0, atol=1e-11).any()):
+                τ = torque(time, y[:n][order], y[n:][order])
+            while time < stop:
+                g, _, v = self.state(time, y)
+                laws = [self.law(k, g, v) for k in r]
+                found = solve_ivp(
+                    rates, (time, stop), y, "DOP853", args=(laws, τ), events=ends, rtol=1e-9, atol=1e-11,
+                    dense_output=True, max_step=0.02,
+                )  # fmt: skip
+                assert found.success, found.message
+                there = (t >= time) & (t <= found.t[-1])
+                if there.any():
+                    angles[there] = found.sol(t[there])[:n][order].T
+                time, y, pieces = found.t[-1], found.y[:, -1], pieces + 1
         return angles, pieces

@@ -73,7 +73,9 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
     absolute, part, long, exact, left, p, duration, smallest, largest = settings
     # least: smallest fraction of a long step's tolerance: only a few steps, after a jump, are so short
     stepper, least, limited = work.stepper, 1e-3, absolute < math.inf and saturates(inputs.drive)
-    switches = limited or (absolute < math.inf and ranges(work))
+    switches = limited or ranges(work)
+    # A fixed step with ties ends at a switch, too, up to the error of its iteration.
+    least_part = smallest if absolute < math.inf else 1e-6 * smallest
     for _ in range(most):
         t = stepper[STEPPER.time]
         knot = next_knot(t, stepper[STEPPER.step], knots, count)
@@ -93,8 +95,9 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
                 return OUTCOME.stuck
             continue
         left_branch = first_switch(t, h, inputs.drive, state, work) if switches else NEVER
+        near = OF_A_SWITCH * long_error if absolute < math.inf else accurate
         if left_branch < 1.0 and ends_at_switch(
-            left_branch, t, h, smallest, duration, OF_A_SWITCH * long_error, inputs.drive, state, work
+            left_branch, t, h, least_part, duration, near, inputs.drive, state, work
         ):
             count[COUNT.rejected] += 1
             continue

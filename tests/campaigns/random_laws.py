@@ -1,0 +1,143 @@
+"""Random arms that meet stops, walls, ropes, play and springs, with motor limits and dry friction: as in another engine.
+
+    OPENBLAS_NUM_THREADS=1 python -m tests.campaigns.random_laws 0 100   # seeds; exit code 1: a run is silently wrong
+
+One to four ties an arm: stops of joints, walls, ropes, bearings and gears with play, springs with dampers, cylinders,
+sliders, exact rods. Arms and drives are those of `random_ties`. The truth is `tests.support.touching`.
+"""
+
+import collections
+import sys
+import warnings
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+import flexlink as fl
+from flexlink.describe.scene import Scene
+from flexlink.dynamics.ties import tie_rows
+from tests.campaigns.random_ties import DURATION, FAST, SAMPLE, TOLERANCES, WRONG, Found, Maker, torque_of
+from tests.support.loops import TooHardError, placed, places, turned
+from tests.support.touching import Touching
+
+MAKES = ("planar", "spatial", "tree", "slide", "tilted")
+LAWS = ("stop", "wall", "rope", "play", "gear", "spring", "bushing", "cylinder", "slider", "rod", "bump")
+MOST, EVALUATIONS = 60_000, 1e5  # evaluations of the truth; of a run
+
+
+class LawMaker(Maker):
+    """Makes the scene of a seed."""
+
+    def __init__(self, seed: int) -> None:
+        super().__init__(seed)
+        self.make = MAKES[seed % len(MAKES)]
+        self.flat = self.make in {"planar", "tilted"} or self.dice.chance(0.3)
+
+    def scene(self) -> Scene:
+        arm = self.arm()
+        chain = fl.lump(arm)
+        q = fl.initial_state(arm, chain)[0]
+        found: list[dict[str, Any]] = []
+        limits: dict[str, Any] = {}
+        for k in range(self.dice.one_of(1, 1, 2, 2, 3, 4)):
+            law = self.dice.one_of(*LAWS)
+            found.append(self.law(f"t{k}", law, (arm, chain, q), limits))
+        return arm.varied(limits | {"tie": found, "run.max_evaluations": EVALUATIONS})
+
+    def law(self, name: str, law: str, at: tuple[Any, ...], limits: dict[str, Any]) -> dict[str, Any]:
+        """A tie of a law that the posture may meet soon; limits of a joint that it needs are added to `limits`."""
+        dice, (arm, chain, q) = self.dice, at
+        link = dice.one_of(*[each.name for each in arm.arm.links][-3:])
+        k = arm.arm.number(link) - 1
+        soft, c = {"stiffness": dice.decades(2, 6)}, {"dissipation": dice.one_of(0.0, dice.decades(-2, 0.3))}
+        if law in {"stop", "gear"}:
+            angle, slide = q[chain.index(k + 1, 0, 0)], arm.arm.slides[k]
+            if law == "gear":
+                return {"name": name, "kind": "joint", "link": link, **soft, **c, "play": 2 * abs(angle) + 0.05}
+            ends = [angle - dice.linear(0.02, 0.3), angle + dice.linear(0.02, 0.3)]
+            limits[f"link.{link}.joint.limits_{'m' if slide else 'deg'}"] = ends if slide else np.degrees(ends).tolist()
+            return {"name": name, "kind": "stop", "link": link, **soft, **c}
+        p, R = placed(*at, link), turned(*at, link)
+        way = np.array(dice.three(1.0)) * (1, not self.flat or self.make == "tilted", 1)
+        way /= np.linalg.norm(way)
+        far, tie = dice.linear(0.2, 0.7), {"name": name, "link": link}
+        end, slack, d = p + far * way, dice.linear(0.0, 0.05), {"damping": dice.one_of(0.0, dice.decades(0, 2))}
+        to = {"point": end.tolist()}
+        here = {"point": p.tolist()}
+        match law:
+            case "wall":
+                wall = {"point": (p - slack * way).tolist(), "axis": way.tolist()}
+                return tie | {"kind": "point", **soft, **c, "only": "push", "to": wall}
+            case "bump":
+                return tie | {"kind": "distance", **soft, **c, "only": "push", "length": far - slack, "to": to}
+            case "rope":
+                return tie | {"kind": "distance", **soft, **c, "only": "pull", "length": far + slack, "to": to}
+            case "play":
+                return tie | {"kind": "distance", **soft, **c, "play": 0.01 + 2 * slack, "length": far, "to": to}
+            case "spring":
+                return tie | {"kind": "distance", **soft, **d, "length": far * dice.linear(0.9, 1.1), "to": to}
+            case "bushing":
+                return tie | {"kind": "point", **soft, **d, "to": here}
+            case "slider":
+                return tie | {"kind": "slider", **soft, **d, "to": here | {"axis": way.tolist()}}
+            case "cylinder":
+                lengths = [far, far * dice.linear(0.9, 1.1), far * dice.linear(0.9, 1.1)]
+                times = [0.0, 0.1, dice.linear(0.15, 0.4)]
+                return tie | {"kind": "distance", **soft, **d, "times": times, "lengths": lengths, "to": to}
+        return tie | {"kind": "distance", "length": far, "to": to}
+
+
+def judged(seed: int) -> Iterator[Found]:
+    """The runs of the scene of a seed."""
+    maker = LawMaker(seed)
+    try:
+        scene = maker.scene()
+        problem = fl.Problem(scene)
+    except fl.FlexlinkError as error:
+        yield Found(maker.make, np.nan, str(error.id), note=str(error))
+        return
+    chain, t = problem.chain, SAMPLE * np.arange(round(DURATION / SAMPLE) + 1)
+    ties = tie_rows(scene, chain)
+    moves, k = {}, 0
+    for tie in scene.tie:
+        if tie.times:
+            moves[k] = tie.times, tie.lengths
+        k += 2 if tie.kind == "slider" else 3 if tie.kind == "point" and tie.to.axis is None else 1
+    assert k == len(ties[0])
+    start = problem.simulate(duration=0.0)
+    truth = Touching(chain, ties, moves, force=scene.wrench.force, most=MOST)
+    held = None if scene.drive.rate is None else np.arange(1, round(DURATION * scene.drive.rate)) / scene.drive.rate
+    try:
+        if truth.fastest(start.q[0]) > FAST:
+            raise TooHardError
+        q, pieces = truth.run(start.q[0], start.qd[0], t, torque_of(scene, chain), held)
+        there = places(chain, q)
+    except (TooHardError, AssertionError):
+        there, pieces = np.array(np.nan), 0
+    for tolerance in TOLERANCES:
+        try:
+            run = fl.simulate(scene, tolerance=tolerance)
+        except fl.FlexlinkError as error:
+            yield Found(maker.make, tolerance, str(error.id), note=str(error))
+            continue
+        off = np.linalg.norm(places(run.chain, run.q) - there, axis=2).max() / tolerance
+        known = "unknown" if np.isnan(off) else "WRONG" if off > WRONG else "right"
+        outcome = "warned" if run.warnings or not run.kept else known
+        yield Found(maker.make, tolerance, outcome, float(off), note=f"{pieces} pieces; {run.steps}")
+
+
+if __name__ == "__main__":
+    warnings.simplefilter("ignore", RuntimeWarning)
+    found = []
+    for seed in range(*map(int, sys.argv[1:3])):
+        for each in judged(seed):
+            found.append((seed, each))
+            if each.outcome not in {"right", "warned", "unknown"} or each.error > 3:
+                print(f"seed {seed}:", *each, flush=True)
+    for key in dict.fromkeys(key for _, each in found for key in each[:2]):
+        runs = [each for _, each in found if key in each[:2]]
+        error = np.array([each.error for each in runs if not np.isnan(each.error)] or [np.nan])
+        print(f"{key}: error / tolerance {np.median(error):.2g}, up to {error.max():.2g}",
+              dict(collections.Counter(each.outcome for each in runs)))  # fmt: skip
+    sys.exit(any(each.outcome.isupper() for _, each in found))
