@@ -22,7 +22,7 @@ from flexlink.kernels.tools.vec3 import dot, scale
 FORCE = numbered("x y", start=LINK.ux)  # F of a body; `planar` uses these columns for H / D
 
 
-@recursion
+@inlined
 def planar_rne(wrench, q, qd, qdd, tau, work):
     """Write τ = M q̈ + T_GC (n,) to `tau`, under the tip wrench (6,), with the scratch of `planar`.
 

@@ -3,7 +3,7 @@
 from typing import Any, NamedTuple
 
 from flexlink.kernels.bodies.rne import rne
-from flexlink.kernels.tools.compiler import recursion
+from flexlink.kernels.tools.compiler import inlined, recursion
 from flexlink.kernels.tools.vec3 import vector
 
 
@@ -19,7 +19,7 @@ class RigidModel(NamedTuple):
     tau: Any
 
 
-@recursion
+@inlined
 def model_torque(model):
     """Write τ = M q̈ + T_GC of the model, for its q, q̇ and q̈."""
     gravity = vector(model.chain.gravity)

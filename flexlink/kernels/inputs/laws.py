@@ -67,7 +67,7 @@ def torques_by_model(drive, t, middle, q, qd, tau):
             torques_of_one(drive, drive.model[lane], t, middle, q[:, lane], qd[:, lane], tau[:, lane])
 
 
-@recursion
+@inlined
 def torques_of_one(drive, model, t, middle, q, qd, tau):
     """`torques_by_model` of one arm."""
     computed = drive.law == COMPUTED_TORQUE
