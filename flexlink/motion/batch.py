@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 from flexlink.chain.arguments import integer, require_each
-from flexlink.chain.lumping import lump_many
+from flexlink.chain.lumping import lump_many, open_chain
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.interruption import Stop, deferred
 from flexlink.common.memo import Kept
@@ -138,12 +138,12 @@ def _problems_of(scenes: Sequence[Scene]) -> list[InitialValueProblem | Flexlink
     """Return `problem_of` each scene, or its error; arms without drives and loads share their inputs."""
     found: list[InitialValueProblem | FlexlinkError] = []
     before: InitialValueProblem | None = None
-    for scene, chain in zip(scenes, lump_many(scenes), strict=True):
+    for scene, chain in zip(scenes, lump_many([open_chain(scene) for scene in scenes]), strict=True):
         try:
             if isinstance(chain, FlexlinkError):
                 raise chain
             shares = before is not None and not chain.has_free_base and _acts_alike(before.scene, scene)
-            problem = problem_of(scene, chain, before.inputs if before is not None and shares else None)
+            problem = problem_of(scene, chain, before.inputs if before is not None and shares else None, tied=True)
             before = problem if problem.base is None else before
             found.append(problem)
         except FlexlinkError as error:

@@ -11,6 +11,7 @@ from flexlink.common.errors import ArgumentError, FlexlinkError, SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import did_you_mean, short_list, truncated
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3
+from flexlink.describe.tie import refuse_ties
 from flexlink.dynamics.equilibrium import solve_static
 from flexlink.dynamics.placement import tip_position
 from flexlink.motion.side_by_side import Block
@@ -103,6 +104,8 @@ class SweepOutput(Spec, frozen=True):
         if isinstance(self.target, tuple):
             return np.array(self.target)
         chain = run.chain
+        if run.scene is not None:
+            refuse_ties(run.scene.tie, "the position at rest of an arm with ties is not computed")
         rest = solve_static(chain, run.q[-1], tip_wrench=run.tip_wrench[-1], locked=chain.active.tolist())
         return tip_position(chain, rest.q)
 

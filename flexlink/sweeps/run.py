@@ -9,7 +9,7 @@ from concurrent.futures import Executor
 from pathlib import Path
 
 from flexlink.chain.arguments import integer, require_bool, require_callable
-from flexlink.chain.lumping import lump
+from flexlink.chain.lumping import lump, open_chain
 from flexlink.common.errors import ArgumentError, FlexlinkError, InterruptedSweepError, SceneError
 from flexlink.common.interruption import deferred, word
 from flexlink.common.wording import did_you_mean, plural, truncated
@@ -127,7 +127,7 @@ def preflight(plan: Plan) -> None:
     for number in {0, plan.members - 1}:
         with contextlib.suppress(FlexlinkError):  # the sweep reports the error in this member's row
             scene, _ = plan.member(number)
-            start = problem_of(scene)
+            start = problem_of(scene, tied=True)
             columns += trajectory_from_states(start, scene.run.times[:1], start.q[None], start.qd[None]).columns
     if columns:
         of_runs = ("work [J]", "imbalance [J]")  # columns that a run has, but a single state lacks
@@ -139,7 +139,7 @@ def preflight(plan: Plan) -> None:
                     f"{did_you_mean(quantity.of, known)}",
                     id="unknown-quantity",
                 )
-    chain = lump(plan.sweep.scene)
+    chain = lump(open_chain(plan.sweep.scene))
     for engine in plan.engines:
         with contextlib.suppress(ArgumentError):  # an unknown engine, or one that does not support this chain
             load(engine, chain)

@@ -1,4 +1,4 @@
-"""Random arms that meet stops, walls, ropes, play and springs, with motor limits and dry friction: as in another engine.
+"""Random arms with stops, walls, ropes, play, springs, motor limits and dry friction move as in another engine.
 
     OPENBLAS_NUM_THREADS=1 python -m tests.campaigns.random_laws 0 100   # seeds; exit code 1: a run is silently wrong
 
@@ -18,7 +18,7 @@ import flexlink as fl
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.ties import tie_rows
 from tests.campaigns.random_ties import DURATION, FAST, SAMPLE, TOLERANCES, WRONG, Found, Maker, torque_of
-from tests.support.loops import TooHardError, placed, places, turned
+from tests.support.loops import TooHardError, placed, places
 from tests.support.touching import Touching
 
 MAKES = ("planar", "spatial", "tree", "slide", "tilted")
@@ -38,11 +38,8 @@ class LawMaker(Maker):
         arm = self.arm()
         chain = fl.lump(arm)
         q = fl.initial_state(arm, chain)[0]
-        found: list[dict[str, Any]] = []
-        limits: dict[str, Any] = {}
-        for k in range(self.dice.one_of(1, 1, 2, 2, 3, 4)):
-            law = self.dice.one_of(*LAWS)
-            found.append(self.law(f"t{k}", law, (arm, chain, q), limits))
+        number, limits = self.dice.one_of(1, 1, 2, 2, 3, 4), {}
+        found = [self.law(f"t{k}", self.dice.one_of(*LAWS), (arm, chain, q), limits) for k in range(number)]
         return arm.varied(limits | {"tie": found, "run.max_evaluations": EVALUATIONS})
 
     def law(self, name: str, law: str, at: tuple[Any, ...], limits: dict[str, Any]) -> dict[str, Any]:
@@ -51,41 +48,31 @@ class LawMaker(Maker):
         link = dice.one_of(*[each.name for each in arm.arm.links][-3:])
         k = arm.arm.number(link) - 1
         soft, c = {"stiffness": dice.decades(2, 6)}, {"dissipation": dice.one_of(0.0, dice.decades(-2, 0.3))}
-        if law in {"stop", "gear"}:
-            angle, slide = q[chain.index(k + 1, 0, 0)], arm.arm.slides[k]
-            if law == "gear":
-                return {"name": name, "kind": "joint", "link": link, **soft, **c, "play": 2 * abs(angle) + 0.05}
+        angle, slide, tie = q[chain.index(k + 1, 0, 0)], arm.arm.slides[k], {"name": name, "link": link}
+        if law == "stop":
             ends = [angle - dice.linear(0.02, 0.3), angle + dice.linear(0.02, 0.3)]
             limits[f"link.{link}.joint.limits_{'m' if slide else 'deg'}"] = ends if slide else np.degrees(ends).tolist()
-            return {"name": name, "kind": "stop", "link": link, **soft, **c}
-        p, R = placed(*at, link), turned(*at, link)
-        way = np.array(dice.three(1.0)) * (1, not self.flat or self.make == "tilted", 1)
+        p, way = placed(*at, link), np.array(dice.three(1.0)) * (1, not self.flat or self.make == "tilted", 1)
         way /= np.linalg.norm(way)
-        far, tie = dice.linear(0.2, 0.7), {"name": name, "link": link}
-        end, slack, d = p + far * way, dice.linear(0.0, 0.05), {"damping": dice.one_of(0.0, dice.decades(0, 2))}
-        to = {"point": end.tolist()}
-        here = {"point": p.tolist()}
-        match law:
-            case "wall":
-                wall = {"point": (p - slack * way).tolist(), "axis": way.tolist()}
-                return tie | {"kind": "point", **soft, **c, "only": "push", "to": wall}
-            case "bump":
-                return tie | {"kind": "distance", **soft, **c, "only": "push", "length": far - slack, "to": to}
-            case "rope":
-                return tie | {"kind": "distance", **soft, **c, "only": "pull", "length": far + slack, "to": to}
-            case "play":
-                return tie | {"kind": "distance", **soft, **c, "play": 0.01 + 2 * slack, "length": far, "to": to}
-            case "spring":
-                return tie | {"kind": "distance", **soft, **d, "length": far * dice.linear(0.9, 1.1), "to": to}
-            case "bushing":
-                return tie | {"kind": "point", **soft, **d, "to": here}
-            case "slider":
-                return tie | {"kind": "slider", **soft, **d, "to": here | {"axis": way.tolist()}}
-            case "cylinder":
-                lengths = [far, far * dice.linear(0.9, 1.1), far * dice.linear(0.9, 1.1)]
-                times = [0.0, 0.1, dice.linear(0.15, 0.4)]
-                return tie | {"kind": "distance", **soft, **d, "times": times, "lengths": lengths, "to": to}
-        return tie | {"kind": "distance", "length": far, "to": to}
+        far, slack, d = dice.linear(0.2, 0.7), dice.linear(0.0, 0.05), {"damping": dice.one_of(0.0, dice.decades(0, 2))}
+        to, here = {"point": (p + far * way).tolist()}, {"point": p.tolist()}
+        wall = {"point": (p - slack * way).tolist(), "axis": way.tolist()}
+        moves = {"times": [0.0, 0.1, dice.linear(0.15, 0.4)]}
+        moves["lengths"] = [far, far * dice.linear(0.9, 1.1), far * dice.linear(0.9, 1.1)]
+        by_law: dict[str, dict[str, Any]] = {
+            "stop": {"kind": "stop", **soft, **c},
+            "gear": {"kind": "joint", **soft, **c, "play": 2 * abs(angle) + 0.05},
+            "wall": {"kind": "point", **soft, **c, "only": "push", "to": wall},
+            "bump": {"kind": "distance", **soft, **c, "only": "push", "length": far - slack, "to": to},
+            "rope": {"kind": "distance", **soft, **c, "only": "pull", "length": far + slack, "to": to},
+            "play": {"kind": "distance", **soft, **c, "play": 0.01 + 2 * slack, "length": far, "to": to},
+            "spring": {"kind": "distance", **soft, **d, "length": far * dice.linear(0.9, 1.1), "to": to},
+            "bushing": {"kind": "point", **soft, **d, "to": here},
+            "slider": {"kind": "slider", **soft, **d, "to": here | {"axis": way.tolist()}},
+            "cylinder": {"kind": "distance", **soft, **d, **moves, "to": to},
+            "rod": {"kind": "distance", "length": far, "to": to},
+        }
+        return tie | by_law[law]
 
 
 def judged(seed: int) -> Iterator[Found]:

@@ -13,7 +13,7 @@ This takes a quarter of `rne`'s time, since no vector is rotated between frames 
 """
 
 from flexlink.kernels.bodies.plane import BASE, LINK, cos_sin_less_turns, in_plane
-from flexlink.kernels.tools.compiler import inlined, recursion
+from flexlink.kernels.tools.compiler import inlined
 from flexlink.kernels.tools.lanes import vec
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sincos import cos_sin_all

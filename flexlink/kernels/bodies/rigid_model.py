@@ -3,7 +3,7 @@
 from typing import Any, NamedTuple
 
 from flexlink.kernels.bodies.rne import rne
-from flexlink.kernels.tools.compiler import inlined, recursion
+from flexlink.kernels.tools.compiler import inlined
 from flexlink.kernels.tools.vec3 import vector
 
 

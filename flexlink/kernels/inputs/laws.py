@@ -15,7 +15,7 @@ is not affected by a jump there.
 
 from flexlink.kernels.bodies.rigid_model import model_torque
 from flexlink.kernels.inputs.references import locate, reference
-from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
+from flexlink.kernels.tools.compiler import inlined, subroutine
 from flexlink.kernels.tools.lanes import LANES, at, clipped, put_at, zero_of
 
 TABLE, PD, PD_GRAVITY, COMPUTED_TORQUE, CASCADE, CASCADE_GRAVITY = range(6)
