@@ -12,8 +12,10 @@ import numpy as np
 from flexlink.chain.coordinates import Kind
 from flexlink.common.errors import Diagnostic, FlexlinkError
 from flexlink.common.types import Array
+from flexlink.common.wording import short_list
 from flexlink.describe.run_settings import AUTO, DEFAULT_TOLERANCE
 from flexlink.dynamics.free_motion import DENSE
+from flexlink.dynamics.ties import gaps
 from flexlink.results.record import Record
 from flexlink.results.stop_reasons import Failure
 
@@ -21,17 +23,17 @@ if TYPE_CHECKING:
     from flexlink.motion.loop.loop import Loop
 
 
-def hindrance(record: Record, q: Array) -> tuple[str, str] | None:
-    """Known cause of short steps in a state with angles q (n,), and its remedy; or None."""
+def hindrance(record: Record, q: Array, t: float) -> tuple[str, str] | None:
+    """Known cause of short steps in a state with angles q (n,) at time t [s], and its remedy; or None."""
     if loop_is_unstable(record):
         return unstable_loop(record)
-    return _locked_gimbal(record, q)
+    return _singular_ties(record, q, t) or _locked_gimbal(record, q)
 
 
 def slow_progress(record: Record, state: Sequence[Array], t: float, how: str) -> tuple[str, str]:
     """Time and cause of slow progress in a state q, q̇, q̈ at time t [s], and a remedy."""
     text, (q, _, qdd, *_), chain = f"t = {t:.6g} s: {how}", state, record.chain
-    if known := hindrance(record, q):
+    if known := hindrance(record, q, t):
         cause, advice = known
         return f"{text}; {cause}", advice
     k, own = int(np.argmax(np.abs(qdd))), "" if record.run.method == AUTO else "method = 'auto', "
@@ -49,7 +51,7 @@ def stuck(record: Record, q: Array, t: float, h: float, *, unsolved: int | None,
         if explicit:
             reason, id = "the state is no longer finite", "diverged"
         text = f"even steps of {h:.3g} s fail at t = {t:.6g} s: {reason} (joint {chain.joint_name(unsolved)!r})"
-    if known := hindrance(record, q):
+    if known := hindrance(record, q, t):
         cause, advice = known
         return Failure(f"{text}; {cause}", advice, id=id)
     if not run.controlled and chain.hinges["coulomb"].any():
@@ -101,6 +103,30 @@ def held_torques_advice(between: float) -> str:
     return (
         f"likely the control loop sampled at {1 / between:.6g} Hz is unstable, not the steps: use lower gains, a "
         "higher rate, or add armature to the joints"
+    )
+
+
+def _singular_ties(record: Record, q: Array, t: float) -> tuple[str, str] | None:
+    """Cause and remedy if exact ties nearly lose a row at angles q, as of links in one line, else None.
+
+    The least singular value of their rows, among as many as are independent at the start, is compared with that there.
+    """
+    near_a_singular_posture = 0.05
+    ties = record.problem.ties
+    if ties is None or not (held := np.isinf(ties[0]["stiffness"])).any():
+        return None
+    before, now = (
+        np.linalg.svd(gaps(ties, record.chain, at, time)[1][held], compute_uv=False)
+        for at, time in ((record.q[0], float(record.t[0])), (q, t))
+    )
+    least = int((before > 1e-9 * before[0]).sum()) - 1
+    if now[least] > near_a_singular_posture * before[least]:
+        return None
+    names = [tie.name for tie in record.problem.scene.tie if tie.stiffness is None]
+    exact = "exact tie" if len(names) == 1 else "exact ties"
+    return (
+        f"singular posture of {exact} {short_list(list(map(repr, names)))}, as of links in one line",
+        "keep the arm away from it, as by shorter lengths of a cylinder, or give a tie stiffness",
     )
 
 

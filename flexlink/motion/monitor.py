@@ -181,7 +181,8 @@ class Monitor:
             return ""
         if self.control is not None and self.control.sampled:
             return held_torques_advice(self.control.between)
-        found = hindrance(self.record, self.record.q[0]) if self.record.inputs.drive.rate else None
+        record = self.record
+        found = hindrance(record, record.q[0], float(record.t[0])) if record.inputs.drive.rate else None
         return "; ".join(found or ())
 
     def _check_samples(self, first: int, stop: int, methods: Sequence[tuple[int, str, str]]) -> None:

@@ -84,9 +84,9 @@ def test_a_stalled_run_names_the_hinge_group_near_gimbal_lock() -> None:
     scene = make_scene(flexible("a", segments=3, flex="xyz"))
     record = SingleRun(problem_of(scene)).monitor.record
     q = np.zeros(record.chain.n)
-    assert hindrance(record, q) is None
+    assert hindrance(record, q, 0.0) is None
     q[2] = np.radians(-89.9)
-    found = hindrance(record, q)
+    found = hindrance(record, q, 0.0)
     assert found is not None
     assert "'a.1.y'" in found[0] and "-89.9°" in found[0]
 

@@ -511,6 +511,15 @@ def test_all_other_functions_refuse_a_scene_with_ties() -> None:
     assert fl.lump(open_chain(scene)).n == run.chain.n
 
 
+def test_a_cylinder_that_becomes_too_long_is_told() -> None:
+    ends = {"times": [0.0, 0.4], "lengths": [1.0, 1.4], "to": {"point": [-0.2, 0.0, 0.0]}}  # at most 1.2 m is in reach
+    cylinder = {"name": "cylinder", "kind": "distance", "link": "l2", **ends}
+    scene = arm({"length": 0.4}, {"length": 0.6}, start=[40.0, -60.0], ties=[cylinder])
+    with pytest.raises(fl.errors.DivergenceError, match=r"singular posture of exact tie 'cylinder'.* stiffness"):
+        fl.simulate(scene)
+    assert fl.simulate(scene.varied({"tie.cylinder.stiffness": 1e5, "tie.cylinder.damping": 100.0})).kept
+
+
 def test_steps_after_a_failed_one_begin_with_the_multipliers_of_the_last_good_one() -> None:
     soft = {"material.steel.young": 3e8, "initial.rate_deg": [200.0, 0.0, 0.0]}
     run = {"run.tolerance": 1e-2, "run.duration": 1.0, "run.sample": 0.1}
