@@ -94,8 +94,9 @@ class Touching(Loop):
         return g, J, v
 
     def run(
-        self, q: np.ndarray, qd: np.ndarray, t: np.ndarray, torque: Torque = undriven, held: np.ndarray | None = None
-    ) -> tuple[np.ndarray, int]:
+        self, q: np.ndarray, qd: np.ndarray, t: np.ndarray, torque: Torque = undriven, held: np.ndarray | None = None,
+        method: str = "DOP853",
+    ) -> tuple[np.ndarray, int]:  # fmt: skip
         """Angles (samples, n) at the times t from a state at t[0], and the number of pieces.
 
         A torque is constant from each time `held` on.
@@ -141,7 +142,7 @@ class Touching(Loop):
                 g, _, v = self.state(time, y)
                 laws = [self.law(k, g, v) for k in r]
                 found = solve_ivp(
-                    rates, (time, stop), y, "DOP853", args=(laws, τ), events=ends, rtol=1e-9, atol=1e-11,
+                    rates, (time, stop), y, method, args=(laws, τ), events=ends, rtol=1e-9, atol=1e-11,
                     dense_output=True, max_step=0.02,
                 )  # fmt: skip
                 assert found.success, found.message
