@@ -78,7 +78,7 @@ def _lengths(ties: list[Tie], rows: Indices) -> MotionTable:
 
 
 def number_of_rows(tie: Tie) -> int:
-    """Number of rows of a tie: a hinge is two points on its axis, a weld three points, whose distances are redundant."""
+    """Number of rows of a tie: a hinge is two points on its axis, a weld three points; some rows are redundant."""
     if tie.kind == "point":
         return 3 if tie.to.axis is None else 1
     return {"slider": 2, "hinge": 6, "weld": 9}.get(tie.kind, 1)
