@@ -41,9 +41,9 @@ def spring_gains(scene: Scene, q: Array) -> Gains:
     bare = lump(open_chain(scene))
     ties = tie_rows(scene, bare)
     if ties is None:
-        return np.zeros((bare.n, bare.n)), np.zeros((bare.n, bare.n))
+        return Gains(*np.zeros((2, bare.n)))
     J, k = gaps(ties, bare, q)[1], np.where(np.isinf(ties[0]["stiffness"]), 0.0, ties[0]["stiffness"])
-    return (J.T * k) @ J, (J.T * ties[0]["damping"]) @ J
+    return Gains((J.T * k) @ J, (J.T * ties[0]["damping"]) @ J)
 
 
 def add_ties(root: ET.Element, chain: Chain, scene: Scene, *, timestep: float) -> None:
@@ -67,7 +67,8 @@ def add_ties(root: ET.Element, chain: Chain, scene: Scene, *, timestep: float) -
     moved, first, file = np.zeros((3, len(ties[0]))), 0, _File(root, chain, bare)
     follow(ties[1], scene.initial.time, *moved)
     length = ties[0]["length"] + moved[0]
-    off = -gaps(ties, bare, np.zeros(bare.n), scene.initial.time)[0]
+    g = gaps(ties, bare, np.zeros(bare.n), scene.initial.time)[0]  # l₀ − l; nan if l₀ = 0
+    off = np.where(np.isnan(g), length, -g)
     for tie in scene.tie:
         file.add(tie, ties[0][first : first + number_of_rows(tie)], length[first], off[first])
         first += number_of_rows(tie)
@@ -88,7 +89,7 @@ class _File:
         if tie.kind == "slider" or (tie.kind == "point" and tie.to.axis is not None):
             refuse_ties([tie], "MJCF holds no point on a line or in one direction only")
         if tie.kind == "point" and tie.damping:
-            refuse_ties([tie], "MJCF has no damper in all directions; leave damping out")
+            refuse_ties([tie], f"MJCF has no damper in all directions, damping = {tie.damping!r}")
         if tie.on_joint and held:
             self._new("equality", "joint", tie.name, joint1=self.joints[rows["a"][0]], polycoef="0 0 0 0 0")
         elif tie.on_joint:
@@ -118,7 +119,7 @@ class _File:
         parent = self.root.find(group)
         parent = ET.SubElement(self.root, group) if parent is None else parent
         *_, name = unique([*(other.get("name", "") for other in parent), valid(name)])
-        return ET.SubElement(parent, kind, name=name, **attributes)
+        return ET.SubElement(parent, kind, {"name": name} | attributes)
 
     def _sites(self, tie: Tie, row: np.void, points: Rows | None = None) -> dict[str, str]:
         """Add sites at the points of a row, and return their names; the axes of a weld are towards its `points`."""
@@ -134,6 +135,6 @@ class _File:
                 axes = {"xyaxes": decimals(towards)}
             taken = [site.get("name", "") for site in self.root.iter("site")]
             *_, name = unique([*taken, valid(f"{tie.name}.{end}")])
-            ET.SubElement(body, "site", name=name, pos=decimals(row[f"point_{end}"]), **axes)
+            ET.SubElement(body, "site", {"name": name, "pos": decimals(row[f"point_{end}"])} | axes)
             names[f"site{number}"] = name
         return names

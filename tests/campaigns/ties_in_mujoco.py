@@ -17,7 +17,7 @@ import flexlink as fl
 from flexlink.chain.rigid import rpy_from_matrix
 from flexlink.engines.mujoco import quiet
 from tests.campaigns.random_ties import Maker, torque_of
-from tests.support.loops import places, turned
+from tests.support.loops import Torque, places, turned
 
 STEPS = (4e-6, 2e-6, 1e-6)  # s
 DURATION, SAMPLE, ALLOWED = 0.01, 0.005, 1e-6  # difference of points, relative to the size of the arm
@@ -46,22 +46,34 @@ class TiedMaker(Maker):
         return [*found, on_joint | free] if self.dice.chance(0.3) else found
 
 
+def tied(seed: int) -> fl.Scene:
+    """The scene of a seed, as far as MuJoCo runs it here."""
+    return TiedMaker(seed).scene().varied({"drive.rate": None, "wrench": {}})
+
+
+def given(scene: fl.Scene, chain: fl.Chain) -> Torque:
+    """Torques that are not in files: of the drive, dry friction and quadratic dampers."""
+    law, hinges, dampers = torque_of(scene, chain), chain.hinges, chain.force("dampers")
+
+    def torque(t: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+        τ = law(t, q, qd) - hinges["coulomb"] * np.tanh(qd / hinges["coulomb_width"])
+        at = dampers["hinge"]
+        τ[at] -= dampers["quadratic"] * np.abs(qd[at]) * qd[at]
+        return τ
+
+    return torque
+
+
 def in_mujoco(problem: fl.Problem, q: np.ndarray, qd: np.ndarray, h: float) -> np.ndarray:
     """Angles (samples, n) of a run in MuJoCo with a step h."""
     scene, chain = problem.scene, problem.chain
     model = mujoco.MjModel.from_xml_string(fl.to_mjcf(chain, initial=(q, qd), timestep=h, ties_of=scene))
-    data, law = mujoco.MjData(model), torque_of(scene, chain)
+    data, torque = mujoco.MjData(model), given(scene, chain)
     order = np.array([model.joint(name).qposadr[0] for name in chain.joint_names])
     mujoco.mj_resetDataKeyframe(model, data, 0)
-    dampers = chain.force("dampers")
 
     def more(_: Any, data: Any) -> None:
-        rate = data.qvel[order]
-        τ = law(data.time, data.qpos[order], rate)
-        τ -= chain.hinges["coulomb"] * np.tanh(rate / chain.hinges["coulomb_width"])
-        at = dampers["hinge"]
-        τ[at] -= dampers["quadratic"] * np.abs(rate[at]) * rate[at]
-        data.qfrc_passive[order] += τ
+        data.qfrc_passive[order] += torque(data.time, data.qpos[order], data.qvel[order])
 
     found = [q]
     with quiet():
@@ -77,7 +89,7 @@ def in_mujoco(problem: fl.Problem, q: np.ndarray, qd: np.ndarray, h: float) -> n
 
 def judged(seed: int, steps: tuple[float, ...] = STEPS) -> tuple[str, list[float]]:
     """Kinds of the ties of a seed, and differences of points, relative to the size, by step; nan: an unstable step."""
-    scene = TiedMaker(seed).scene().varied({"drive.rate": None, "wrench": {}})
+    scene = tied(seed)
     run = {"duration": DURATION, "sample": SAMPLE, "tolerance": 1e-8}
     problem = fl.Problem(scene.varied({f"run.{key}": value for key, value in run.items()}))
     ours = problem.simulate()
