@@ -5,7 +5,7 @@
     distance              `tendon`: its length is l₀ at zero angles, and l − l₀ is constant
     springs, stops        tendons between sites, or of one joint, which are slack in the range `springlength`
 
-MuJoCo's equalities are soft. Of a row g with ġ = J q̇, and with accelerations a = J q̈ without it, the file makes
+MuJoCo's equalities are soft. With a the value of J q̈ without a row g, ġ = J q̇, the file makes
 
     J q̈ = (1 − d) a − 2 ġ / τ − g / τ²        d = 0.9999,  τ = 2 h
 

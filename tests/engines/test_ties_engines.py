@@ -148,7 +148,7 @@ def test_a_tie_on_a_segment_that_is_not_in_the_file_is_refused() -> None:
         fl.to_mjcf(fl.lump(open_chain(scene)), ties_of=scene)
 
 
-def test_an_export_tells_what_becomes_of_ties(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_export_reports_what_becomes_of_ties(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scene = two_links(rod(link="l2", times=[0.0, 1.0], lengths=[0.5, 0.6], stiffness=1e4))
     path = str(scene.save(tmp_path / "rod.toml"))
     assert main(["export", path, "--out", str(tmp_path)]) == 0
