@@ -114,6 +114,6 @@ if __name__ == "__main__":
             print(seed, error.id, error)
             continue
         print(f"{seed} {kinds}:", *(f"{each:.1e}" for each in off), flush=True)
-        wrong += [seed] if not off[-1] <= ALLOWED else []
+        wrong += [seed] if off[-1] > ALLOWED else []
     print(f"more than {ALLOWED:g}: {wrong}")
     sys.exit(bool(wrong))
