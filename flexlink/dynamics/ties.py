@@ -30,7 +30,6 @@ Ties = tuple[Rows, MotionTable]
 """Rows, and the lengths that move."""
 CLOSED = 1e-9
 """Largest gap of a tie at the start, relative to the size of the arm, that rounding of its numbers explains."""
-X = (1.0, 0.0, 0.0)
 PASSES = 50  # Newton steps to close the ties at the start
 ROUNDED = 1e-3
 """Motion of a joint [rad, m] that explains a start with few digits; only larger ones are worth a warning."""
@@ -98,11 +97,12 @@ def _rows_of(tie: Tie, scene: Scene, chain: Chain) -> Rows:
             rows["low"], rows["high"] = hinge["lower"], hinge["upper"]
         return rows
     (a, point_a, axes_a), (b, point_b, axes_b) = (_place(end, tie.name, scene) for end in (tie, tie.to))
-    axis_b = unit("axis", tie.to.axis or tie.axis or X) @ axes_b
+    x = (1.0, 0.0, 0.0)
+    axis_b = unit("axis", tie.to.axis or tie.axis or x) @ axes_b
     rows["a"], rows["b"], rows["point_a"], rows["point_b"] = a, b, point_a, point_b
     rows["kind"] = KIND.distance if tie.kind == "distance" else KIND.point
     if tie.kind == "hinge":
-        _add_points(rows, chain, unit("axis", tie.axis or X)[None] @ axes_a, axis_b[None])
+        _add_points(rows, chain, unit("axis", tie.axis or x)[None] @ axes_a, axis_b[None])
     elif tie.kind == "weld":
         turned = matrix_from_rpy_deg(tie.to.rpy_deg or (0.0, 0.0, 0.0))
         _add_points(rows, chain, axes_a[:2], turned.T[:2] @ axes_b)

@@ -30,11 +30,6 @@ from flexlink.dynamics.ties import Rows, gaps, number_of_rows, tie_rows
 from flexlink.formats.document import decimals, tips, valid, xml_joint_names, xml_link_names
 from flexlink.kernels.inputs.drive_torque import follow
 
-STIFFEST = 0.9999
-"""Largest impedance d that MuJoCo allows."""
-FAR = 1e9
-"""Length [m] or angle [rad] in place of an infinite end of a range."""
-
 
 def spring_gains(scene: Scene, q: Array) -> Gains:
     """Stiffness Σ k Jᵀ J and damping Σ d Jᵀ J (n, n) of all ties with a spring at angles q (n,), as if they pressed."""
@@ -60,81 +55,93 @@ def add_ties(root: ET.Element, chain: Chain, scene: Scene, *, timestep: float) -
     ties = tie_rows(scene, bare)
     if ties is None:
         return
-    solid = {"solref": decimals([2 * timestep, 1.0]), "solimp": decimals([STIFFEST, STIFFEST])}
+    solid = {"solref": decimals([2 * timestep, 1.0]), "solimp": "0.9999 0.9999"}  # more is not allowed
     ET.SubElement(ET.SubElement(root, "default"), "equality", solid)
     for flag in root.iterfind("option/flag"):
         del flag.attrib["constraint"], flag.attrib["equality"]
-    moved, first, file = np.zeros((3, len(ties[0]))), 0, _File(root, chain, bare)
+    moved, first = np.zeros((3, len(ties[0]))), 0
     follow(ties[1], scene.initial.time, *moved)
     length = ties[0]["length"] + moved[0]
     g = gaps(ties, bare, np.zeros(bare.n), scene.initial.time)[0]  # l₀ − l; nan if l₀ = 0
     off = np.where(np.isnan(g), length, -g)
+    joints, bodies = xml_joint_names(chain), _bodies(root, chain, bare)
     for tie in scene.tie:
-        file.add(tie, ties[0][first : first + number_of_rows(tie)], length[first], off[first])
-        first += number_of_rows(tie)
-
-
-class _File:
-    """The MJCF `root` of a chain, to which ties are added; rows are of the `bare` chain, without small masses."""
-
-    def __init__(self, root: ET.Element, chain: Chain, bare: Chain) -> None:
-        self.root, self.joints, links = root, xml_joint_names(chain), xml_link_names(chain)
-        self.bodies = {body.get("name"): body for body in root.iter("body")}
-        ends = dict(zip(bare.tips.values(), tips(chain), strict=True))
-        self.links = [ends[k].name if k in ends else links[b["stop"]] for k, b in enumerate(bare.bodies)]
-
-    def add(self, tie: Tie, rows: Rows, length: float, off: float) -> None:
-        """Add a tie with the length l, and l − l₀ [m]."""
-        held = tie.stiffness is None
-        if tie.kind == "slider" or (tie.kind == "point" and tie.to.axis is not None):
-            refuse_ties([tie], "MJCF holds no point on a line or in one direction only")
-        if tie.kind == "point" and tie.damping:
-            refuse_ties([tie], f"MJCF has no damper in all directions, damping = {tie.damping!r}")
-        if tie.on_joint and held:
-            self._new("equality", "joint", tie.name, joint1=self.joints[rows["a"][0]], polycoef="0 0 0 0 0")
-        elif tie.on_joint:
-            tendon = self._spring("fixed", tie, rows["low"][0], rows["high"][0])
-            ET.SubElement(tendon, "joint", joint=self.joints[rows["a"][0]], coef="1")
-        elif held and tie.kind != "distance":
-            kind = "weld" if tie.kind == "weld" else "connect"
-            for row in rows[:1] if kind == "weld" else rows[::3]:
-                self._new("equality", kind, tie.name, **self._sites(tie, row, rows[::3]))
+        rows = ties[0][first : first + number_of_rows(tie)]
+        if tie.on_joint:
+            _on_joint(root, tie, rows[0], joints[rows["a"][0]])
         else:
-            l = 0.0 if tie.kind == "point" else length
-            tendon = self._spring("spatial", tie, max(0.0, l + rows["low"][0]), l + rows["high"][0])
-            for site in self._sites(tie, rows[0]).values():
-                ET.SubElement(tendon, "site", site=site)
-            if held:
-                own = {"tendon1": tendon.get("name", ""), "polycoef": decimals([off, 0, 0, 0, 0])}
-                self._new("equality", "tendon", tie.name, **own)
+            _on_points(root, bodies, tie, rows, length[first], off[first])
+        first += len(rows)
 
-    def _spring(self, kind: str, tie: Tie, low: float, high: float) -> ET.Element:
-        """Add a tendon without its path, with the spring of a tie, slack from `low` to `high` [m, rad]."""
-        if tie.stiffness is None:
-            return self._new("tendon", kind, tie.name)
-        own = {"stiffness": decimals([tie.stiffness]), "damping": decimals([tie.damping])}
-        return self._new("tendon", kind, tie.name, **own, springlength=decimals(np.clip([low, high], -FAR, FAR)))
 
-    def _new(self, group: str, kind: str, name: str, **attributes: str) -> ET.Element:
-        parent = self.root.find(group)
-        parent = ET.SubElement(self.root, group) if parent is None else parent
-        *_, name = unique([*(other.get("name", "") for other in parent), valid(name)])
-        return ET.SubElement(parent, kind, {"name": name} | attributes)
+def _bodies(root: ET.Element, chain: Chain, bare: Chain) -> dict[int, ET.Element | None]:
+    """Elements of all bodies of a chain without small masses, −1 for frame 0; None: not in the file."""
+    links, ends = xml_link_names(chain), dict(zip(bare.tips.values(), tips(chain), strict=True))
+    names = [ends[k].name if k in ends else links[body["stop"]] for k, body in enumerate(bare.bodies)]
+    found = {body.get("name", ""): body for body in root.iter("body")}
+    return {-1: root.find("worldbody")} | {k: found.get(name) for k, name in enumerate(names)}
 
-    def _sites(self, tie: Tie, row: np.void, points: Rows | None = None) -> dict[str, str]:
-        """Add sites at the points of a row, and return their names; the axes of a weld are towards its `points`."""
-        names = {}
-        for number, end in enumerate("ab", 1):
-            body = self.root.find("worldbody") if row[end] < 0 else self.bodies.get(self.links[row[end]])
-            if body is None:
-                text = f"tie {tie.name!r}: holds a segment without mass, which MuJoCo refuses; add mass"
-                raise ArgumentError(text, id="joint-without-inertia")
-            axes = dict[str, str]()
-            if tie.kind == "weld" and points is not None:
-                towards = (points[f"point_{end}"][1:] - row[f"point_{end}"]).ravel()
-                axes = {"xyaxes": decimals(towards)}
-            taken = [site.get("name", "") for site in self.root.iter("site")]
-            *_, name = unique([*taken, valid(f"{tie.name}.{end}")])
-            ET.SubElement(body, "site", {"name": name, "pos": decimals(row[f"point_{end}"])} | axes)
-            names[f"site{number}"] = name
-        return names
+
+def _on_joint(root: ET.Element, tie: Tie, row: np.void, joint: str) -> None:
+    """Add a tie on a joint."""
+    if tie.stiffness is None:
+        _new(root, "equality", "joint", tie.name, joint1=joint, polycoef="0 0 0 0 0")
+    else:
+        tendon = _new(root, "tendon", "fixed", tie.name, **_spring(tie, row["low"], row["high"]))
+        ET.SubElement(tendon, "joint", joint=joint, coef="1")
+
+
+def _on_points(
+    root: ET.Element, bodies: dict[int, ET.Element | None], tie: Tie, rows: Rows, length: float, off: float
+) -> None:
+    """Add a tie between points, with the length l, and l − l₀ [m]."""
+    if tie.kind == "slider" or (tie.kind == "point" and tie.to.axis is not None):
+        refuse_ties([tie], "MJCF holds no point on a line or in one direction only")
+    if tie.kind == "point" and tie.damping:
+        refuse_ties([tie], f"MJCF has no damper in all directions, damping = {tie.damping!r}")
+    starts = range(0, 1 if tie.kind == "weld" else len(rows), 3)
+    pairs = [_sites(root, bodies, tie, rows[k::3]) for k in starts]
+    if tie.stiffness is None and tie.kind != "distance":
+        for one, other in pairs:
+            _new(root, "equality", "weld" if tie.kind == "weld" else "connect", tie.name, site1=one, site2=other)
+        return
+    l = 0.0 if tie.kind == "point" else length
+    own = {} if tie.stiffness is None else _spring(tie, max(0.0, l + rows["low"][0]), l + rows["high"][0])
+    tendon = _new(root, "tendon", "spatial", tie.name, **own)
+    for site in pairs[0]:
+        ET.SubElement(tendon, "site", site=site)
+    if tie.stiffness is None:
+        constant = {"tendon1": tendon.get("name", ""), "polycoef": decimals([off, 0, 0, 0, 0])}
+        _new(root, "equality", "tendon", tie.name, **constant)
+
+
+def _spring(tie: Tie, low: float, high: float) -> dict[str, str]:
+    """Attributes of a tendon with the spring of a tie, which is slack from `low` to `high` [m, rad]."""
+    far = 1e9  # in place of an infinite end
+    ends = [max(low, -far), min(high, far)]
+    numbers = {"stiffness": [tie.stiffness or 0.0], "damping": [tie.damping], "springlength": ends}
+    return {key: decimals(value) for key, value in numbers.items()}
+
+
+def _new(root: ET.Element, group: str, kind: str, name: str, **attributes: str) -> ET.Element:
+    """Add an element with a name that is unique in its group."""
+    parent = root.find(group)
+    parent = ET.SubElement(root, group) if parent is None else parent
+    *_, name = unique([*(other.get("name", "") for other in parent), valid(name)])
+    return ET.SubElement(parent, kind, {"name": name} | attributes)
+
+
+def _sites(root: ET.Element, bodies: dict[int, ET.Element | None], tie: Tie, points: Rows) -> list[str]:
+    """Add sites at both ends of the first of these rows, and return their names; a weld's have axes to the others."""
+    names = []
+    for end in "ab":
+        body, place = bodies[int(points[end][0])], points[f"point_{end}"]
+        if body is None:
+            text = f"tie {tie.name!r}: holds a segment without mass, which MuJoCo refuses; add mass"
+            raise ArgumentError(text, id="joint-without-inertia")
+        *_, name = unique([*(site.get("name", "") for site in root.iter("site")), valid(f"{tie.name}.{end}")])
+        site = ET.SubElement(body, "site", name=name, pos=decimals(place[0]))
+        if tie.kind == "weld":
+            site.set("xyaxes", decimals((place[1:] - place[0]).flat))
+        names.append(name)
+    return names
