@@ -264,8 +264,10 @@ def _safe_step(chain: Chain, ties_of: Scene | None, initial: tuple[ArrayLike, Ar
     """
     from flexlink.dynamics.vibration.stability import stable_step  # noqa: PLC0415  only if no step is given
 
-    q = chain.slightly_bent if ties_of is None or initial is None else np.asarray(initial[0])
-    gains = None if ties_of is None else spring_gains(ties_of, q)
+    q, gains = chain.slightly_bent, None
+    if ties_of is not None and ties_of.tie:
+        q = q if initial is None else np.asarray(initial[0])
+        gains = spring_gains(ties_of, q)
     step = min(2e-3, stable_step(chain, q, gains=gains, method="RK4") / 2)
     digit = 10.0 ** math.floor(math.log10(step))
     return float(f"{math.floor(step / digit) * digit:.0e}")

@@ -26,7 +26,9 @@ BARS = {
     "longest chain of imports": 34, "files that simulate imports": 149, "depth of simulate": 24,
 }  # fmt: skip
 COMPILES = "kernels compile in two thirds of the time, and a wheel has one archive for all processors"
-LOOPS = "ties: loops, cylinders, stops, ropes, in simulations and MJCF; runs start from what earlier runs of their problem prepared"
+LOOPS = (
+    "ties: loops, cylinders, stops, ropes, also in MJCF; runs start from what earlier runs of their problem prepared"
+)
 RAISED = {
     "lines of contracts": (7, "fits, sweeps, reports, advice and robots call the library, not its kernels"),
     "classes": (7, f"{COMPILES}; {LOOPS}"), "constants": (23, f"{COMPILES}; {LOOPS}"),

@@ -19,7 +19,7 @@ from flexlink.engines.mujoco import quiet
 from tests.campaigns.random_ties import Maker, torque_of
 from tests.support.loops import Torque, places, turned
 
-STEPS = (4e-6, 2e-6, 1e-6)  # s
+STEPS, FINER = (4e-6, 2e-6, 1e-6), (2.5e-7,)  # s; finer: of arms that are unstable with the others
 DURATION, SAMPLE, ALLOWED = 0.01, 0.005, 1e-6  # difference of points, relative to the size of the arm
 
 
@@ -110,10 +110,11 @@ if __name__ == "__main__":
     for seed in range(*map(int, sys.argv[1:3])):
         try:
             kinds, off = judged(seed)
+            off += [] if off[-1] <= ALLOWED else judged(seed, FINER)[1]
         except fl.FlexlinkError as error:
             print(seed, error.id, error)
             continue
         print(f"{seed} {kinds}:", *(f"{each:.1e}" for each in off), flush=True)
-        wrong += [seed] if off[-1] > ALLOWED else []
+        wrong += [] if off[-1] <= ALLOWED else [seed]
     print(f"more than {ALLOWED:g}: {wrong}")
     sys.exit(bool(wrong))
