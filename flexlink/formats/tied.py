@@ -62,15 +62,17 @@ def add_ties(root: ET.Element, chain: Chain, scene: Scene, *, timestep: float) -
     moved, first = np.zeros((3, len(ties[0]))), 0
     follow(ties[1], scene.initial.time, *moved)
     length = ties[0]["length"] + moved[0]
-    g = gaps(ties, bare, np.zeros(bare.n), scene.initial.time)[0]  # l₀ − l; nan if l₀ = 0
-    off = np.where(np.isnan(g), length, -g)
+    g, J, _ = gaps(ties, bare, np.zeros(bare.n), scene.initial.time)  # g = l₀ − l of distances; nan if l₀ = 0
+    moves = np.abs(J).max(axis=1) > 1e-9 * bare.size
     joints, bodies = xml_joint_names(chain), _bodies(root, chain, bare)
     for tie in scene.tie:
         rows = ties[0][first : first + number_of_rows(tie)]
+        if tie.kind == "distance" and tie.stiffness is None and not moves[first]:
+            refuse_ties([tie], "no joint changes its length at zero angles, by which MuJoCo scales its force")
         if tie.on_joint:
             _on_joint(root, tie, rows[0], joints[rows["a"][0]])
         else:
-            _on_points(root, bodies, tie, rows, length[first], off[first])
+            _on_points(root, bodies, tie, rows, length[first], -g[first])
         first += len(rows)
 
 
