@@ -15,13 +15,14 @@ from pathlib import Path
 
 from flexlink.chain.arguments import positive
 from flexlink.chain.chain import Chain
-from flexlink.chain.lumping import lump
+from flexlink.chain.lumping import lump, open_chain
 from flexlink.cli.shared import OF_ENGINES, prefix_errors, print_lines, require_writable, varied_scene
 from flexlink.common.errors import ArgumentError
 from flexlink.common.output import make_folder, write_text
 from flexlink.common.types import Array
 from flexlink.data.documents import shown_path
 from flexlink.describe.scene import Scene
+from flexlink.describe.tie import refuse_ties
 from flexlink.formats import FORMATS
 from flexlink.formats.code import to_c, to_casadi
 from flexlink.formats.features import storage_note, unsupported
@@ -56,6 +57,8 @@ def run_command(options: argparse.Namespace) -> int:
     for path in options.scenes:
         scene = varied_scene(path, options)
         with prefix_errors(path):
+            if code:
+                refuse_ties(scene.tie, "C and CasADi code have no ties")
             chain, state = _chain_and_state(path, scene, options, notes)
             texts |= {target: write(chain) for target, write in code.items()}
         for name in _formats(options):
@@ -65,7 +68,8 @@ def run_command(options: argparse.Namespace) -> int:
                 raise ArgumentError(why, id="would-overwrite")
             with prefix_errors(path):
                 notes += _missing(target, scene, chain, name, strict=options.strict)
-                texts[target] = FORMATS[name].write(chain, **({"initial": state} if FORMATS[name].keyframe else {}))
+                more = {"initial": state, "ties_of": scene} if FORMATS[name].keyframe else {}
+                texts[target] = FORMATS[name].write(chain, **more)
     for path in texts:
         make_folder(path.parent)
         require_writable(path)
@@ -101,7 +105,7 @@ def _chain_and_state(
     path: Path, scene: Scene, options: argparse.Namespace, notes: list[str]
 ) -> tuple[Chain, tuple[Array, Array] | None]:
     """Return the chain, with small masses on request, and the initial state if a format stores it."""
-    chain, mass = lump(scene), options.small_mass
+    chain, mass = lump(open_chain(scene)), options.small_mass
     keyframe = any(FORMATS[name].keyframe for name in _formats(options))
     state = initial_state(scene, chain) if keyframe or mass is not None else None
     if state is not None and mass is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Literal
 
@@ -18,6 +19,7 @@ SPRING, RANGE = ("stiffness", "damping"), ("play", "only", "dissipation")
 KINDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "point": ((), ("to.axis", *SPRING, *RANGE)),
     "hinge": (("axis",), ("to.axis",)),
+    "weld": ((), ("to.rpy_deg",)),
     "slider": (("to.axis",), SPRING),
     "distance": ((), ("length", "times", "lengths", *SPRING, *RANGE)),
     "joint": ((), (*SPRING, "play", "dissipation")),
@@ -45,6 +47,8 @@ class TieEnd(Spec, frozen=True):
     """Direction in axes of the link or of frame 0, which need not be normalized. Hinge: its axis; default: the tie's
     `axis`. Slider: the line on which the tie's point moves. Point: the only direction in which the tie acts, as of a
     wall."""
+    rpy_deg: Annotated[Vector3 | None, measured_in("deg")] = None
+    """Weld: roll, pitch, yaw of the tie's link in axes of the link or of frame 0 [°]. Default: 0."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -60,7 +64,8 @@ class Tie(TieEnd, frozen=True, kw_only=True):
     """A tie between a point of a link and a point of another link, or of frame 0, `to`; or on the joint of a link.
 
     point: the points coincide, as in a ball joint; with `to.axis` only along this direction.  hinge: they coincide, and
-    so do the axes, as in a revolute joint.  slider: the point is on the line through `to` along `to.axis`.
+    so do the axes, as in a revolute joint.  weld: they coincide, and the link's axes are those of `to`, turned by
+    `to.rpy_deg`.  slider: the point is on the line through `to` along `to.axis`.
     distance: the points keep the distance `length`, as at the ends of a rod without mass; with `times` and `lengths` it
     moves, as of a cylinder.  joint: the joint of the link stays at 0.  stop: the joint stays within its limits.
 
@@ -82,7 +87,7 @@ class Tie(TieEnd, frozen=True, kw_only=True):
 
     name: str
     """Name of the tie, for messages."""
-    kind: Literal["point", "hinge", "slider", "distance", "joint", "stop"]
+    kind: Literal["point", "hinge", "weld", "slider", "distance", "joint", "stop"]
     """What the tie holds: points, points and axes, a point on a line, the distance of points, or a joint."""
     length: Annotated[Positive | None, measured_in("m")] = None
     """For a distance: the distance [m]."""
@@ -109,8 +114,8 @@ class Tie(TieEnd, frozen=True, kw_only=True):
         if self.link is None:
             raise missing("link", "give the link of the tie")
         needs, may = KINDS[self.kind]
-        for key in ("axis", "to.axis", "length", "times", "lengths", *SPRING, *RANGE):
-            value = self.to.axis if key == "to.axis" else getattr(self, key)
+        for key in ("axis", "to.axis", "rpy_deg", "to.rpy_deg", "length", "times", "lengths", *SPRING, *RANGE):
+            value = operator.attrgetter(key)(self)
             if key in needs and value is None:
                 raise missing(key, f"kind {self.kind!r} needs it")
             if value and key not in (*needs, *may):

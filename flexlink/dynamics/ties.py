@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import open_chain
+from flexlink.chain.rigid import matrix_from_rpy_deg
 from flexlink.common.errors import Diagnostic, SceneError
 from flexlink.common.types import Array, Indices
 from flexlink.describe.directions import unit
@@ -72,10 +73,10 @@ def _lengths(ties: list[Tie], rows: Indices) -> MotionTable:
 
 
 def number_of_rows(tie: Tie) -> int:
-    """Number of rows of a tie: a hinge is two points on its axis, whose sixth row is redundant."""
+    """Number of rows of a tie: a hinge is two points on its axis, a weld three points; some rows are redundant."""
     if tie.kind == "point":
         return 3 if tie.to.axis is None else 1
-    return {"slider": 2, "hinge": 6}.get(tie.kind, 1)
+    return {"slider": 2, "hinge": 6, "weld": 9}.get(tie.kind, 1)
 
 
 def _rows_of(tie: Tie, scene: Scene, chain: Chain) -> Rows:
@@ -91,14 +92,16 @@ def _rows_of(tie: Tie, scene: Scene, chain: Chain) -> Rows:
             hinge = chain.hinges[rows["a"][0]]
             rows["low"], rows["high"] = hinge["lower"], hinge["upper"]
         return rows
-    a, point_a, axis_a = _place(tie, tie.axis, tie.name, scene)
-    b, point_b, axis_b = _place(tie.to, tie.to.axis or tie.axis, tie.name, scene)
+    (a, point_a, axes_a), (b, point_b, axes_b) = (_place(end, tie.name, scene) for end in (tie, tie.to))
+    x = (1.0, 0.0, 0.0)
+    axis_b = unit("axis", tie.to.axis or tie.axis or x) @ axes_b
     rows["a"], rows["b"], rows["point_a"], rows["point_b"] = a, b, point_a, point_b
     rows["kind"] = KIND.distance if tie.kind == "distance" else KIND.point
     if tie.kind == "hinge":
-        rows["along"] = np.tile(np.eye(3), (2, 1))
-        rows["point_a"][3:] += 0.1 * chain.size * axis_a
-        rows["point_b"][3:] += 0.1 * chain.size * axis_b
+        _add_points(rows, chain, unit("axis", tie.axis or x)[None] @ axes_a, axis_b[None])
+    elif tie.kind == "weld":
+        turned = matrix_from_rpy_deg(tie.to.rpy_deg or (0.0, 0.0, 0.0))
+        _add_points(rows, chain, axes_a[:2], turned.T[:2] @ axes_b)
     elif tie.kind == "slider":
         rows["along"] = np.linalg.svd(axis_b[None])[2][1:]  # two directions across the line
     elif tie.kind == "point":
@@ -106,19 +109,24 @@ def _rows_of(tie: Tie, scene: Scene, chain: Chain) -> Rows:
     return rows
 
 
-def _place(end: TieEnd, axis: tuple[float, float, float] | None, name: str, scene: Scene) -> tuple[int, Array, Array]:
-    """Index of the body at one end of a tie, −1 for frame 0, and the point [m] and the axis in its axes."""
+def _add_points(rows: Rows, chain: Chain, on_a: Array, on_b: Array) -> None:
+    """Make rows of a point rows of more points, off the first along unit vectors (points, 3) in axes of both bodies."""
+    rows["along"] = np.tile(np.eye(3), (1 + len(on_a), 1))
+    for name, along in (("point_a", on_a), ("point_b", on_b)):
+        rows[name][3:] += 0.1 * chain.size * np.repeat(along, 3, axis=0)
+
+
+def _place(end: TieEnd, name: str, scene: Scene) -> tuple[int, Array, Array]:
+    """Index of the body at one end of a tie, −1 for frame 0, the point [m], and the link's axes (3, 3), in its axes."""
     from flexlink.dynamics.sensors.signals import placement_of  # noqa: PLC0415  few scenes have ties
 
-    direction = (1.0, 0.0, 0.0) if axis is None else axis
     if end.link is None:
-        return -1, np.array(end.point), unit("axis", direction)
-    there = Sensor(name="end", kind="accelerometer", link=end.link, x=end.x, point=end.point, axis=direction)
+        return -1, np.array(end.point), np.eye(3)
+    there = Sensor(name="end", kind="accelerometer", link=end.link, x=end.x, point=end.point)
     try:
-        body, point, (along,) = placement_of(there, scene)
+        return placement_of(there, scene)
     except SceneError as error:
         raise SceneError(str(error).replace("sensor.end", f"tie.{name}", 1), id=error.id) from None
-    return body, point, along
 
 
 def gaps(ties: Ties, chain: Chain, q: Array, t: float = 0.0) -> tuple[Array, Array, Array]:

@@ -34,9 +34,11 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.products import product
 from flexlink.common.types import Array, Indices
 from flexlink.describe.arm import BASE
+from flexlink.describe.scene import Scene
 from flexlink.formats import document
 from flexlink.formats.document import UPPER_TRIANGLE, WIDE, Tip, decimals, valid
 from flexlink.formats.principal import SMALLEST, _inertial, _largest_possible, _principal, _require_loadable
+from flexlink.formats.tied import add_ties, spring_gains
 from flexlink.kernels.layout import BODY, HINGE, SLIDES
 
 JOINT_ATTRIBUTES = {
@@ -53,7 +55,7 @@ USER_FIELDS = sorted(
 
 def to_mjcf(
     chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, ArrayLike] | None = None,
-    timestep: float | None = None,
+    timestep: float | None = None, ties_of: Scene | None = None,
 ) -> str:  # fmt: skip
     """Write a chain as MJCF.
 
@@ -67,6 +69,8 @@ def to_mjcf(
         q and q̇ of the keyframe `initial`, shape (n,) each [rad, rad/s; m, m/s]; None: no keyframe.
     timestep
         Time step of MuJoCo [s]; None: half the largest stable step of RK4 of a slightly bent arm, at most 2 ms.
+    ties_of
+        The scene of the chain, whose ties are written, by equalities and tendons; None: the arm is open.
 
     Returns
     -------
@@ -82,6 +86,8 @@ def to_mjcf(
         The chain nests more bodies than MuJoCo's parser accepts, its last joints move no mass, branches begin at a
         moving point without mass, MuJoCo refuses the mass or inertia of a segment, a joint's springs to other joints of
         its cell are together stiffer than its own spring, or `initial` has the wrong shape.
+    SceneError
+        MJCF has no element for a tie.
     SingularMassError
         A coordinate has no inertia attached, and `timestep` is None.
 
@@ -127,7 +133,10 @@ def to_mjcf(
         ET.SubElement(motors, "motor", name=joints[k], joint=joints[k])
     if initial is not None:
         _keyframe(ET.SubElement(root, "keyframe"), chain, initial)
-    option.set("timestep", decimals([_safe_step(chain) if timestep is None else positive("timestep", timestep)]))
+    step = _safe_step(chain, ties_of, initial) if timestep is None else positive("timestep", timestep)
+    option.set("timestep", decimals([step]))
+    if ties_of is not None:
+        add_ties(root, chain, ties_of, timestep=step)
     return document.text(root)
 
 
@@ -248,14 +257,18 @@ def _exact(own: ET.Element, name: str, *values: float) -> None:
     ET.SubElement(own, "numeric", name=f"flexlink.{name}", data=decimals(values))
 
 
-def _safe_step(chain: Chain) -> float:
+def _safe_step(chain: Chain, ties_of: Scene | None, initial: tuple[ArrayLike, ArrayLike] | None) -> float:
     """Return half the largest stable RK4 step, rounded down to one digit, at most MuJoCo's default of 2 ms.
 
-    It is computed for a slightly bent arm. Most flexible links diverge with 2 ms.
+    It is computed for a slightly bent arm, with ties for the initial state. Most flexible links diverge with 2 ms.
     """
     from flexlink.dynamics.vibration.stability import stable_step  # noqa: PLC0415  only if no step is given
 
-    step = min(2e-3, stable_step(chain, chain.slightly_bent, method="RK4") / 2)
+    q, gains = chain.slightly_bent, None
+    if ties_of is not None and ties_of.tie:
+        q = q if initial is None else np.asarray(initial[0])
+        gains = spring_gains(ties_of, q)
+    step = min(2e-3, stable_step(chain, q, gains=gains, method="RK4") / 2)
     digit = 10.0 ** math.floor(math.log10(step))
     return float(f"{math.floor(step / digit) * digit:.0e}")
 

@@ -12,9 +12,11 @@ from scipy.optimize import minimize_scalar
 
 import flexlink as fl
 from flexlink.chain.lumping import open_chain
+from flexlink.chain.rigid import matrix_from_rpy_deg
 from flexlink.cli.main import main
 from flexlink.describe.scene import scene_from
 from flexlink.dynamics.ties import gaps, tie_rows
+from flexlink.kernels.geometry.kinematics import forward_kinematics
 from tests.campaigns.random_ties import judged
 from tests.support.loops import Loop, places
 from tests.support.touching import Touching
@@ -78,6 +80,17 @@ def test_a_hinge_with_a_redundant_row_holds_as_two_points_do() -> None:
     hinge = {"name": "pin", "kind": "hinge", "link": "l3", "axis": [0, 1, 0], "to": {"point": [1.1, 0.0, 0.0]}}
     run, other = checked(scene.varied({"tie": [hinge]})), checked(scene)
     np.testing.assert_allclose(run.q, other.q, atol=1e-3)
+
+
+def test_a_weld_holds_a_bending_arm_by_its_end() -> None:
+    """Its attitude is the sum of the angles about −Y, a negative pitch."""
+    start, attitude = [60.0, -33.03, -116.34], (0.0, 89.37, 0.0)
+    weld = {"name": "pin", "kind": "weld", "link": "l3", "to": {"point": [1.1, 0.0, 0.0], "rpy_deg": attitude}}
+    scene = fourbar(**BENDS).varied({"tie": [weld], "initial.joint_deg": start, "run.tolerance": 1e-5})
+    run = checked(scene)
+    last = forward_kinematics(run.chain.arrays, run.q[-1]).rotations[-1]
+    np.testing.assert_allclose(last, matrix_from_rpy_deg(attitude), atol=1e-10)
+    assert np.ptp(run.q, axis=0).max() > 1e-3
 
 
 def test_a_rod_between_two_links_keeps_its_length() -> None:
