@@ -117,11 +117,9 @@ def checked_scene(scene: Scene) -> Scene:
     for name in ("q", "qd"):
         value = getattr(scene.initial, name)
         if value is not None:
-            raise SceneError(
-                f"initial.{name} = {truncated(value)}: fits only one number of hinges, but advice varies it; use "
-                "initial.joint_deg, rate_deg and passive",
-                id="hinge-state-with-advice",
-            )
+            why = f"initial.{name} = {truncated(value)}: fits only one number of hinges, but advice varies it"
+            remedy = "use initial.joint_deg, rate_deg and passive"
+            raise SceneError(f"{why}; {remedy}", id="hinge-state-with-advice")
     if scene.run.duration == 0:
         why = f"run.duration = {scene.run.duration!r}: advice needs a motion; use a duration > 0"
         raise SceneError(why, id="no-motion")

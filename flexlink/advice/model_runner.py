@@ -139,11 +139,8 @@ class ModelRunner:
             spent = run_cost(chain, steps.method, steps.evaluations)
             if spent > self.budget:
                 self.seconds += spent
-                raise FlexlinkError(
-                    f"{chain.name}: a run used up the budget of {self.budget:g} s at {fraction:.0%} of its "
-                    "duration; use a larger budget",
-                    id="over-budget",
-                )
+                why = f"a run used up the budget of {self.budget:g} s at {fraction:.0%} of its duration"
+                raise FlexlinkError(f"{chain.name}: {why}; use a larger budget", id="over-budget")
 
         return single.finish(stop, check, compared=False)
 

@@ -12,7 +12,6 @@ import argparse
 import dataclasses
 import sys
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -36,12 +35,6 @@ from flexlink.motion.inputs.actuation import initial_wrench
 from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.results.trajectory import Trajectory
-
-
-def add_options(command: argparse.ArgumentParser) -> None:
-    """Options of `info`."""
-    command.add_argument("scene", type=Path, help="scene file (.toml)")
-    command.add_argument("--run", type=Path, metavar="FILE", help="also show a stored run (.npz) and its error")
 
 
 def run_command(options: argparse.Namespace) -> int:

@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.common.types import Array
 
 Row = tuple[float, ...]
-Slides = tuple[bool, ...]
-"""For each link, whether its joint is prismatic."""
+Slides = tuple[bool, ...]  # for each link, whether its joint is prismatic
 
 IN_METRES = {
     "joint_deg": "joint_m", "rate_deg": "rate_m", "target_deg": "target_m", "to_deg": "to_m", "from_deg": "from_m",
@@ -91,8 +90,7 @@ class KindOfJoint(NamedTuple):
     motion: tuple[str, str, str]
 
 
-OF_MOTION = "angle_deg", "rate_deg", "acceleration_deg"
-"""Keys of angle, rate and acceleration in a scene."""
+OF_MOTION = "angle_deg", "rate_deg", "acceleration_deg"  # keys of angle, rate and acceleration in a scene
 IN_METRES_OF_MOTION = "position_m", "rate_m", "acceleration_m"
 OF_JOINT = {
     False: KindOfJoint("revolute", "deg", "rad", "N m", "angle", "torque", "turns", OF_MOTION),

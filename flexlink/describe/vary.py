@@ -24,8 +24,7 @@ from flexlink.describe.joint_units import fits_joint
 from flexlink.describe.link import RIGID
 from flexlink.describe.spec import Spec, Vector3, bare_type, fields_of, is_per_link, is_record, to_builtin, type_below
 
-Keys = tuple[Any, ...]
-"""Keys of tables, and indices of list items from 0."""
+Keys = tuple[Any, ...]  # keys of tables, and indices of list items from 0
 
 
 def apply_changes(document: dict[str, Any], kinds: Mapping[str, Any], changes: Mapping[str, object]) -> dict[str, Any]:
@@ -123,8 +122,7 @@ def as_document(value: Any) -> Any:
     return to_document(value)
 
 
-_kept_document = keep_last(64)(to_document)
-"""A part of a scene as parsed TOML, cached."""
+_kept_document = keep_last(64)(to_document)  # a part of a scene as parsed TOML, cached
 
 
 def parts_by_key(spec: Spec) -> dict[str, Any]:
@@ -170,8 +168,7 @@ class _Change:
 
     def _keys(self, node: Any, kind: Any, depth: int) -> Sequence[Any]:
         """Keys of the table, or indices of list items, selected by this part of the path."""
-        # names of the components of a vector
-        axes = ("x", "y", "z")
+        axes = ("x", "y", "z")  # names of the components of a vector
         # lists of tables other than links, with the key that names their items
         named = {"motion": "link", "sensor": "name", "tie": "name"}
         part = self.parts[depth]

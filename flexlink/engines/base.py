@@ -177,11 +177,9 @@ def refuse_held_joints(engine: str, chain: Chain) -> None:
     """Refuse a chain with prescribed motions for an engine that does not support them."""
     held = np.flatnonzero(chain.held)
     if len(held):
-        raise ArgumentError(
-            f"{chain.name}: the motion of joint {chain.joint_name(int(held[0]))!r} is prescribed, which "
-            f"{engine} does not support; use native or pinocchio, or remove the motion from the scene",
-            id="engine-does-not-support",
-        )
+        why = f"the motion of joint {chain.joint_name(int(held[0]))!r} is prescribed, which {engine} does not support"
+        remedy = "use native or pinocchio, or remove the motion from the scene"
+        raise ArgumentError(f"{chain.name}: {why}; {remedy}", id="engine-does-not-support")
 
 
 def fixed_steps_problem(scene: Scene, engine: str = "") -> InitialValueProblem:

@@ -115,11 +115,9 @@ def cannot_load(engine: str, what: str, reason: object) -> ArgumentError:
 def refuse_in_files(engine: str, path: Path) -> None:
     """Refuse a file with rotation-vector springs, which only chains built by flexlink support."""
     if ROTATION_SPRINGS.encode() in path.read_bytes():
-        raise ArgumentError(
-            f"the file has rotation-vector springs, which {engine} would read as springs of angles; "
-            "compare the scene itself, or export it with a rule of springs = 'angles'",
-            id="rotation-springs-in-file",
-        )
+        why = f"the file has rotation-vector springs, which {engine} would read as springs of angles"
+        remedy = "compare the scene itself, or export it with a rule of springs = 'angles'"
+        raise ArgumentError(f"{why}; {remedy}", id="rotation-springs-in-file")
 
 
 def _fill(engine: OtherProgram, problem: InitialValueProblem, samples: Samples) -> None:

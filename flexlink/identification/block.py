@@ -20,8 +20,7 @@ import scipy
 
 from flexlink.common.types import Array
 
-SHARE = 12
-"""Smallest number of samples per AR coefficient."""
+SHARE = 12  # smallest number of samples per AR coefficient
 
 
 class Colour(NamedTuple):
@@ -118,8 +117,7 @@ def _price(order: int, samples: int) -> float:
     return order * math.log(samples)
 
 
-FAR = 6.0
-"""Distance of an outlier from the median, in standard deviations estimated by the median absolute deviation."""
+FAR = 6.0  # distance of an outlier from the median, in standard deviations estimated by the median absolute deviation
 
 
 def outlying(e: Array) -> npt.NDArray[np.bool_]:
@@ -138,8 +136,7 @@ def whiteness(e: Array) -> float:
     return float(scipy.special.chdtrc(lags, n * (n + 2) * np.sum(ρ**2 / (n - np.arange(1, lags + 1)))))
 
 
-LINEAR = "gain", "bias", "drift"
-"""Unknowns of an instrument that enter linearly."""
+LINEAR = "gain", "bias", "drift"  # unknowns of an instrument that enter linearly
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -20,8 +20,7 @@ from flexlink.describe.spec import bare_type, type_below, units_of
 from flexlink.describe.vary import number_in, routes_to
 from flexlink.identification.problem import FitParameter, FitProblem, FitRun
 
-Timing = Literal["delay", "clock", "start"]
-"""Unknowns of the times of a run's data."""
+Timing = Literal["delay", "clock", "start"]  # unknowns of the times of a run's data
 OF_TIMING: dict[Timing, tuple[float, float, str]] = {
     "delay": (0.01, 0.1, "s"), "clock": (0.02, 0.05, ""), "start": (0.01, 0.2, "s")
 }  # fmt: skip

@@ -28,8 +28,7 @@ from flexlink.pages.picture import Picture, picture_of
 from flexlink.pages.style import stacked_axes
 from flexlink.pages.tables import Table
 
-Chapters = dict[str, tuple[str, str, Part]]
-"""Parts of a page by name, with their titles and short titles."""
+Chapters = dict[str, tuple[str, str, Part]]  # parts of a page by name, with their titles and short titles
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -16,8 +16,7 @@ import numpy as np
 from flexlink.common.errors import Diagnostic
 from flexlink.common.types import Array
 
-WIDE = 1.96
-"""Half-width of a 95 % interval in standard deviations."""
+WIDE = 1.96  # half-width of a 95 % interval in standard deviations
 COUNTS = 0.2
 """A parameter is part of a direction if its effect is more than this share of the direction's largest effect."""
 EQUAL = 1e-6

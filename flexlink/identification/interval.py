@@ -167,8 +167,7 @@ def estimates(at: Likelihood, spread: Spread) -> list[Estimate]:
 
 OUTWARDS = tuple(1.5**k for k in range(7))
 """Distances from the estimate at which ends are tried, relative to the end of the linear estimate's interval."""
-HALVINGS = 3
-"""Number of bisections for an end beyond the initial guess."""
+HALVINGS = 3  # number of bisections for an end beyond the initial guess
 
 
 class Rise:

@@ -21,8 +21,7 @@ from flexlink.common.types import Array
 from flexlink.dynamics.vibration.modal import Modes
 from flexlink.results.tip_motion import largest_distance
 
-Level = tuple[float, Array]
-"""A level: number of hinges in each link, and the path of the tip (samples, 3) [m]."""
+Level = tuple[float, Array]  # a level: number of hinges in each link, and the path of the tip (samples, 3) [m]
 
 
 class Limit(NamedTuple):

@@ -97,10 +97,8 @@ class Robot:
             for key, link in (("parent", joint.parent), ("child", joint.child)):
                 if link not in self.links:
                     near = did_you_mean(link, self.links) or f"; links are {short_list(list(self.links))}"
-                    raise DataFileError(
-                        f"joint {truncated(joint.name)}: <{key} link> = {truncated(link)}: there is no such link{near}",
-                        id="link-missing-in-file",
-                    )
+                    why = f"<{key} link> = {truncated(link)}: there is no such link{near}"
+                    raise DataFileError(f"joint {truncated(joint.name)}: {why}", id="link-missing-in-file")
         _check_roots(self)
         _check_mimics(self)
 
@@ -112,11 +110,9 @@ class Robot:
             other = parents.setdefault(joint.child, joint)
             if other is not joint:
                 both = f"{truncated(other.name)} and {truncated(joint.name)}"
-                raise DataFileError(
-                    f"link {truncated(joint.child)} is the child of two joints, {both}; closed loops in files of "
-                    "robots are not supported: take one of the two joints out",
-                    id="closed-loop",
-                )
+                why = "closed loops in files of robots are not supported: take one of the two joints out"
+                child = f"link {truncated(joint.child)} is the child of two joints, {both}"
+                raise DataFileError(f"{child}; {why}", id="closed-loop")
         return parents
 
     @functools.cached_property

@@ -165,19 +165,16 @@ def _way(robot: Robot, base: str, tips: Sequence[str] | None) -> list[TreeJoint]
 
 def _check_fit(joint: TreeJoint, span: str) -> None:
     """Check that a joint of a path can be a free joint of an arm."""
+    where = f"joint {truncated(joint.name)}, {span},"
     if joint.kind in {"floating", "planar"}:
         base = f"--base {joint.child}{' --free-base' * (joint.kind == 'floating')}"
-        raise ArgumentError(
-            f"joint {truncated(joint.name)}, {span}, is {joint.kind}; only hinges and slides can move: begin beyond "
-            f"it, for example with {base}, or name tips that are not beyond it",
-            id="joint-type-in-file",
-        )
+        remedy = f"begin beyond it, for example with {base}, or name tips that are not beyond it"
+        why = f"{where} is {joint.kind}; only hinges and slides can move: {remedy}"
+        raise ArgumentError(why, id="joint-type-in-file")
     if joint.mimic is not None:
-        raise ArgumentError(
-            f"joint {truncated(joint.name)}, {span}, mimics {truncated(joint.mimic.leader)}; it cannot move by itself: "
-            f"lock it, for example with --locked {joint.name}=0.0{'' if joint.turns else ' (m)'}",
-            id="mimic",
-        )
+        remedy = f"lock it, for example with --locked {joint.name}=0.0{'' if joint.turns else ' (m)'}"
+        why = f"{where} mimics {truncated(joint.mimic.leader)}; it cannot move by itself: {remedy}"
+        raise ArgumentError(why, id="mimic")
 
 
 def _parts(

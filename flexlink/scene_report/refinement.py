@@ -26,8 +26,7 @@ from flexlink.scene_report.study import Study
 
 FACTORS = (0.5, 2.0, 4.0)  # numbers of hinges of the other discretisations, as multiples of the scene's number
 
-ENOUGH = 0.01
-"""Largest acceptable model error, and largest uncertainty of the limit, as a fraction of the tip's travel."""
+ENOUGH = 0.01  # largest acceptable model error, and largest uncertainty of the limit, as a fraction of the tip's travel
 
 
 class Choice(NamedTuple):

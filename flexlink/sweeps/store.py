@@ -179,13 +179,7 @@ class Store:
 
 
 def _is_ours(db: sqlite3.Connection) -> bool:
-    """Whether a database is the database of a sweep; False for a new database.
-
-    Raises
-    ------
-    sqlite3.DatabaseError
-        It is a database of another program.
-    """
+    """Whether a database is the database of a sweep; False for a new one, an error for that of another program."""
     ours = bool(db.execute("PRAGMA application_id").fetchone()[0] == APPLICATION_ID)
     if not ours and db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
         raise sqlite3.DatabaseError("another program's database")

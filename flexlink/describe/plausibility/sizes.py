@@ -14,8 +14,7 @@ from flexlink.describe.spec import Spec
 
 def of_materials(arm: Arm) -> Iterator[Diagnostic]:
     """Hints on modulus, density and damping of materials, except if only products such as EI are meaningful."""
-    # range of densities of metals, glass and stone, none of which is soft [kg/m³]
-    heavy = 2500.0, 23000.0
+    heavy = 2500.0, 23000.0  # range of densities of metals, glass and stone, none of which is soft [kg/m³]
     for name, material in arm.materials.items():
         path, E, ρ = f"material.{name}", material.young, material.density
         sections = [arm.sections[link.section] for link in arm.links if link.material == name and link.section]
