@@ -17,16 +17,12 @@ from flexlink.results.tip_motion import largest_so_far
 
 
 class Goal(NamedTuple):
-    """Allowed error of the tip at any sample.
+    """Allowed error of the tip at any sample."""
 
-    `size` is a fraction of the tip's travel or, with `deflection`, of its largest deflection; with `metres` it is a
-    length [m]. Vibrations above `band` [Hz] are ignored.
-    """
-
-    size: float
-    metres: bool = False
-    deflection: bool = False
-    band: float = np.inf
+    size: float  # a fraction of the tip's travel, or of its largest deflection, or a length [m]
+    metres: bool = False  # whether it is a length
+    deflection: bool = False  # whether it is a fraction of the deflection
+    band: float = np.inf  # vibrations above this frequency are ignored [Hz]
 
     def tolerance(self, travel: float, deflection: float) -> float:
         """Allowed error [m] for this travel and this deflection of the tip [m]."""

@@ -50,10 +50,7 @@ FAMILIES = {
 
 
 def rule_of(family: str, hinges: int) -> str:
-    """The lumping rule of a family for this number of hinges.
-
-    `gauss` needs an even number of hinges. Cells have four hinges or two. A single hinge is at the middle of the link.
-    """
+    """The lumping rule of a family for this number of hinges; a single hinge is at the middle of the link."""
     if hinges == 1:
         return "midpoint"
     if family == "lobatto":

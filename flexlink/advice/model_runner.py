@@ -91,10 +91,7 @@ class ModelRunner:
         return self._outcomes[model, stepping]
 
     def perturbed_run(self, model: Model, stepping: Stepping, angle: float) -> Outcome | None:
-        """The run with free hinges turned by an angle [rad] at the start, and free slides displaced by angle × size.
-
-        It is None if no joint is free.
-        """
+        """The run with free hinges turned by an angle [rad] at the start, slides by angle × size; None if none is."""
         chain, initial = self.chain(model), self.scene.initial
         free = [k for k in chain.active.tolist() if not chain.held[k]]
         if not free:

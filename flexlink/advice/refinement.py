@@ -281,10 +281,7 @@ def _least_rigidity(arm: Arm, link: Link) -> float:
 
 
 def horizon(refinement: RefinementStudy, norm: TipErrorNorm, known: Array) -> float:
-    """Time [s] up to which the finest level is within the tolerance.
-
-    The error of this level is its distance from the limit plus the error of the limit, `known` (samples,) [m].
-    """
+    """Time [s] up to which the finest level is within the tolerance; `known`: error of the limit (samples,) [m]."""
     assert refinement.limit is not None
     finest = refinement.finest.outcome
     assert finest.run is not None

@@ -56,10 +56,7 @@ def run_command(options: argparse.Namespace) -> int:
 
 
 def _examined(scene: Scene) -> tuple[dict[str, Any], Modes | None]:
-    """The model in its initial configuration as plain numbers and strings; its modes if it has structural damping.
-
-    Modes are not computed for more than 300 joints, because the time grows with the cube of the number of joints.
-    """
+    """The model at its start as plain data; its modes, whose time grows with the joints' cube, up to 300 joints."""
     chain = lump(scene)
     q, _ = initial_state(scene, chain)
     if chain.n > 10_000:  # computing the largest eigenvalues takes more than a few seconds

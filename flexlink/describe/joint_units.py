@@ -75,10 +75,7 @@ def in_words(slides: bool, si: float, form: str = ".6g") -> str:
 
 
 class KindOfJoint(NamedTuple):
-    """Names of a kind of joint, of its coordinate and drive, and of their units, in scenes and in SI; what it does.
-
-    `motion` has the keys of its position, rate and acceleration in a scene.
-    """
+    """Names of a kind of joint, of its coordinate and drive, and of their units, in scenes and in SI; what it does."""
 
     name: str
     unit: str
@@ -87,7 +84,7 @@ class KindOfJoint(NamedTuple):
     place: str
     load: str
     moves: str
-    motion: tuple[str, str, str]
+    motion: tuple[str, str, str]  # keys of its position, rate and acceleration in a scene
 
 
 OF_MOTION = "angle_deg", "rate_deg", "acceleration_deg"  # keys of angle, rate and acceleration in a scene

@@ -91,10 +91,7 @@ def number_in(values: Sequence[Any]) -> float:
 
 
 def routes_to(document: dict[str, Any], kinds: Mapping[str, Any], path: str) -> list[tuple[Keys, Any]]:
-    """Routes of a path, made of keys of tables and indices from 0, each with the type annotation at its end.
-
-    Arguments and errors as in `values_at`.
-    """
+    """Routes of a path, keys of tables and indices from 0, each with the type at its end; errors as in `values_at`."""
     routes = []
     for _, _, route in _Change(document, path).targets(document, kinds):
         kind: Any = kinds
@@ -150,10 +147,7 @@ class _Change:
         return SceneError(f"{truncated(self.path)[1:-1]}{value}: {reason}", id="cannot-set")
 
     def targets(self, node: Any, kind: Any, above: Keys = ()) -> Iterator[tuple[Any, Any, Keys]]:
-        """Follow the remaining path from a table or list of this kind.
-
-        Yields tables or lists at the end of the path, their keys, and all keys of the route.
-        """
+        """Follow the path from a table or list of this kind; yield tables or lists at its end, keys, and routes."""
         depth = len(above)
         for key in self._keys(node, kind, depth):
             if depth < len(self.parts) - 1:

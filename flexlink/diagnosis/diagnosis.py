@@ -132,10 +132,7 @@ def diagnose_file(
     chain: Chain, loaded: tuple[str, FileEngine, tuple[str, ...]], states: Sequence[State],
     progress: Callable[[float], None] | None = None, *, scene: Scene | None = None,
 ) -> Diagnosis:  # fmt: skip
-    """Diagnose an engine that has loaded a foreign file: compare its quantities and what it has read.
-
-    The actuators of the file are compared with the drive of the `scene`, if there is one.
-    """
+    """Diagnose an engine that has loaded a foreign file; its actuators are compared with the drive of the `scene`."""
     if chain.has_rotation_springs:
         why = f"{chain.name!r}: has springs of rotation vectors, which no other program supports"
         remedy = "compare the file with a scene whose lumping rule has springs = 'angles'"

@@ -61,14 +61,8 @@ class Engine(Protocol):
     def integrate(self, scene: Scene) -> Samples:
         """Run the scene with this engine's dynamics and the scene's method and fixed step.
 
-        Raises
-        ------
-        DivergenceError
-            The state is no longer finite; the error contains the samples up to that time.
-        ArgumentError
-            The engine does not support the scene's method, inputs or prescribed motions.
-        UnstableStepError
-            The step exceeds the stability limit.
+        A DivergenceError has the samples before; methods, inputs and motions that an engine lacks, and unstable steps,
+        are refused.
         """
 
     def read_back(self) -> ReadBack:

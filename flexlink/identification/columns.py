@@ -203,10 +203,7 @@ def _stacked(
     name: str, λ: Array, fitted: Sequence[tuple[Source, Scene]], inputs: Sequence[tuple[Array, Array]],
     shapes: Shapes,
 ) -> tuple[Array, Array, int]:  # fmt: skip
-    """Basis functions and measurements of one column, divided by the noise; and the number of functions of inputs.
-
-    All runs are stacked. `shapes` caches the basis functions, because columns of a run share the same times.
-    """
+    """Basis functions and measurements of a column of all runs, over the noise; and how many are of inputs."""
     measured = [
         (block, driven)
         for (source, _), driven in zip(fitted, inputs, strict=False)

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -89,7 +89,9 @@ class FitComparison:
     def _size(self, columns: Sequence[FittedColumn]) -> float:
         best = self.fits[int(np.argmin(self.bic))]
         noise = {(one.source, one.name): one.noise for one in best.columns}
-        squares = [len(one.measured) * (one.off(one.after) / _above_zero(one, noise)) ** 2 for one in columns]
+        scale = [noise.get((one.source, one.name), one.noise) or one.noise or 1.0 for one in columns]
+        pairs = zip(columns, scale, strict=True)
+        squares = [len(one.measured) * (one.off(one.after) / above_zero) ** 2 for one, above_zero in pairs]
         return math.sqrt(sum(squares) / sum(len(one.measured) for one in columns)) if columns else math.nan
 
     @property
@@ -136,27 +138,22 @@ class FitComparison:
         heads = ("model", "unknowns", "BIC", "above the smallest", "fitted: residual / noise",
                  "held out: residual / noise", "passed")  # fmt: skip
         models = Table("models", "Models of the same data", heads, tuple(rows))
-        return models, self._numbers(), self._columns()
-
-    def _numbers(self) -> Table:
         heads = ("model", "parameter", "unit", "fitted", "from", "to", "standard deviation", "from folds")
-        lines = []
+        lines: list[tuple[Cell, ...]] = []
         for k, (name, one) in enumerate(zip(self.names, self.fits, strict=True)):
             scatter = self.folds[k].deviations if self.folds else {}
             lines += [(name, each.name, each.unit or "1", each.value, each.low, each.high, each.deviation,
                        scatter.get(each.name)) for each in one.numbers]  # fmt: skip
-        return Table("numbers", "Parameters of every model", heads, tuple(lines))
-
-    def _columns(self) -> Table:
-        heads = ("source", "column", "use", *(f"RMS residual of {name}" for name in self.names))
+        numbers = Table("numbers", "Parameters of every model", heads, tuple(lines))
+        of_columns = ("source", "column", "use", *(f"RMS residual of {name}" for name in self.names))
         every = [one.columns for one in self.fits]
         if self.folds:
             every = [(*one, *each.columns) for one, each in zip(every, self.folds, strict=True)]
-        lines = tuple(
+        residuals = tuple(
             (one[0].source, one[0].name, one[0].use, *(each.off(each.after) for each in one))
             for one in zip(*every, strict=True)
         )
-        return Table("columns", "Residuals of every column", heads, lines)
+        return models, numbers, Table("columns", "Residuals of every column", of_columns, residuals)
 
     def document(self) -> dict[str, Any]:
         """The comparison as plain numbers and texts."""
@@ -244,10 +241,6 @@ def _require_same(name: str, one: Fitted, other_name: str, other: Fitted) -> Non
 def _equal(one: FittedColumn, other: FittedColumn) -> bool:
     t, other_t = (np.empty(0) if each.t is None else each.t for each in (one, other))
     return np.array_equal(one.measured, other.measured) and np.array_equal(t, other_t)
-
-
-def _above_zero(one: FittedColumn, noise: dict[tuple[str, str], float]) -> float:
-    return noise.get((one.source, one.name), one.noise) or one.noise or 1.0
 
 
 def _bic(fitted: Fitted) -> float:
@@ -345,16 +338,14 @@ def folds(problem: FitProblem, *, grid: Grid = "ignore", progress: Callable[[str
     fitted = [run.name for run in problem.run if run.use == "fit"]
     if len(fitted) < 2:
         raise ArgumentError(f"folds: {len(fitted)} fitted runs; at least two are needed", id="too-few-runs")
-    return Folds(tuple(fitted), tuple(_without(problem, fitted, grid, progress or (lambda _: None))))
-
-
-def _without(problem: FitProblem, fitted: list[str], grid: Grid, report: Callable[[str], None]) -> Iterator[Fitted]:
-    single = ("modes", "static", "frf")
+    single, found = ("modes", "static", "frf"), list[Fitted]()
     for name in fitted:
         runs = (replace(run, use="check" if run.name == name else "fit") for run in problem.run if run.name in fitted)
         others = {key: tuple(one for one in getattr(problem, key) if one.use == "fit") for key in single}
-        report(f"without run {name!r}")
+        if progress is not None:
+            progress(f"without run {name!r}")
         try:
-            yield fit(replace(problem, run=tuple(runs), **others), grid=grid, progress=report)
+            found.append(fit(replace(problem, run=tuple(runs), **others), grid=grid, progress=progress))
         except IdentifiabilityError as error:
             raise IdentifiabilityError(f"without run {name!r}: {error}", error.check) from None
+    return Folds(tuple(fitted), tuple(found))

@@ -114,10 +114,7 @@ def timing_of(kind: Timing, run: str, column: str = "") -> Coordinate:
 
 
 def shifted(t: Array, begin: float, column: str, timing: Sequence[tuple[Coordinate, float]]) -> Array:
-    """Times of the scene at which a column shows the values recorded at t, shape (n,) [s].
-
-    t' = begin + (t − begin − start) / (1 + clock) − delay
-    """
+    """Times begin + (t − begin − start) / (1 + clock) − delay of the scene that a column shows at t, shape (n,) [s]."""
     if not timing:
         return t
     of_column = {"", head_of(column)[0]}

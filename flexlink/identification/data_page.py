@@ -162,8 +162,10 @@ def _picture(name: str, title: str, caption: str, shown: Sequence[Shown], *, res
         values = {"residual": one.predicted - one.block.y} if residual else {
             "measured": one.block.y, "predicted": one.predicted
         }  # fmt: skip
+        gap = np.searchsorted(one.t, one.gaps[:, 1])  # nan there, where a line would suggest data
+        t = np.insert(one.t, gap, one.gaps.mean(axis=1))
         for label, y in values.items():
-            panel.plot(*_with_breaks(one, y), label=label, **_look(label, len(y)))
+            panel.plot(t, np.insert(y, gap, np.nan), label=label, **_look(label, len(y)))
         first = next(iter(values.values()))
         _mark(panel, one, first)
         panel.set_ylabel(one.block.name)
@@ -181,12 +183,6 @@ def _look(label: str, samples: int) -> dict[str, Any]:
         "measured": {"color": GREY, **dots}, "predicted": {"color": BLUE, "linewidth": 1.0},
         "residual": {"color": INK, "linewidth": 0.8},
     }[label]  # fmt: skip
-
-
-def _with_breaks(one: Shown, y: Array) -> tuple[Array, Array]:
-    """Times and values with nan inside the gaps, where a line would suggest data."""
-    at = np.searchsorted(one.t, one.gaps[:, 1])
-    return np.insert(one.t, at, one.gaps.mean(axis=1)), np.insert(y, at, np.nan)
 
 
 def _mark(panel: Axes, one: Shown, y: Array) -> None:
@@ -244,10 +240,7 @@ def _spectrum_picture(number: int, shown: Sequence[Shown], hertz: Sequence[float
 
 
 def amplitudes(t: Array, y: Array) -> tuple[Array, Array]:
-    """Frequencies [Hz] and amplitudes of the sines in samples y at times t, by a Hann window; without the mean.
-
-    Samples at uneven times are interpolated to even ones.
-    """
+    """Frequencies [Hz] and amplitudes of the sines in samples y, by a Hann window, without the mean, at even times."""
     n = len(t)
     even = np.linspace(t[0], t[-1], n)
     y = np.interp(even, t, y)

@@ -170,10 +170,7 @@ def _largest(sizes: Array) -> int:
 
 
 def _short(basis: Array) -> Array:
-    """Unit vectors that span the same space, made sparse by Gaussian elimination.
-
-    Each pivot is the parameter with the largest component in the remaining space, so it does not depend on the basis.
-    """
+    """Unit vectors that span the same space, sparse by elimination, whose pivots do not depend on the basis."""
     remainder, pivots = basis.copy(), []
     for _ in basis:
         pivots.append(_largest(np.linalg.norm(remainder, axis=0)))

@@ -206,10 +206,7 @@ def largest_mass(link: SpatialInertia, beam: SpatialInertia) -> float:
 
 
 def cut(link: SpatialInertia, beam: SpatialInertia, line: Pose, length: float) -> tuple[SpatialInertia, SpatialInertia]:
-    """Return the remaining bodies at the root and at the end of the beam, in the link's frame.
-
-    The beam has less mass than `largest_mass`, and begins at `line`, with x along it.
-    """
+    """Return the remaining bodies at the root and the end of a beam along x of `line`, in the link's frame."""
     about = Pose(line.R, link.center)  # along the line, at the link's centre, where subtraction loses no digits
     whole, part = link.moved(about.inverse), beam.moved(about.inverse)
     rest = whole.moments - part.moments

@@ -31,21 +31,17 @@ class Mimic:
 
 @dataclasses.dataclass(frozen=True)
 class TreeJoint:
-    """A joint of a robot; `origin` is the frame of the link `child` in the frame of the link `parent`, at position 0.
-
-    `axis` is a unit vector in the child's frame. `limits` are positions [rad, m], or None. `damping` is in N m s/rad or
-    N s/m, `friction` in N m or N.
-    """
+    """A joint of a robot, between the links `parent` and `child`."""
 
     name: str
     kind: JointKind
     parent: str
     child: str
-    origin: Pose
-    axis: Array
-    limits: tuple[float, float] | None
-    damping: float
-    friction: float
+    origin: Pose  # frame of the child in that of the parent, at position 0
+    axis: Array  # unit vector in the child's frame
+    limits: tuple[float, float] | None  # positions [rad, m]
+    damping: float  # [N m s/rad, N s/m]
+    friction: float  # [N m, N]
     mimic: Mimic | None
 
     @property

@@ -27,11 +27,7 @@ Task = Future[tuple[list[Row], float]]
 
 
 class Execution:
-    """The tasks of a sweep.
-
-    A task that fails, or whose worker dies, is repeated alone and then in halves, until the responsible member is
-    found.
-    """
+    """The tasks of a sweep; one that fails, or whose worker dies, is repeated alone, then in halves, to find why."""
 
     def __init__(self, plan: Plan, pool: WorkerPool, stop: Stop) -> None:
         self.plan, self.pool, self.stop = plan, pool, stop

@@ -124,10 +124,7 @@ class Sweep(Spec, frozen=True):
 
 
 class Plan:
-    """The members of a sweep, by number.
-
-    Raises a SceneError if an axis is empty or has an invalid value, a key varies twice, or two columns have one name.
-    """
+    """The members of a sweep, by number; empty axes, invalid values, and keys or columns given twice are refused."""
 
     def __init__(self, sweep: Sweep) -> None:
         self.sweep = sweep

@@ -33,12 +33,7 @@ LOCK_TIMEOUT = 1.0  # longest wait for a commit by another process [s]; a commit
 class Store:
     """Database of a sweep, open for writing; in memory if `path` is None.
 
-    Raises
-    ------
-    OutputError
-        The file cannot be written, is damaged or another kind of database, or another process writes to it.
-    ArgumentError
-        It contains the rows of another sweep.
+    A file that cannot be written, is damaged or not such a database, or has rows of another sweep, is refused.
     """
 
     def __init__(self, path: Path | None, plan: Plan, identity: Fingerprint, *, fresh: bool = False) -> None:

@@ -145,9 +145,8 @@ def _in_time(about: Refinement) -> Picture | None:
     shown = max(0.3 * low, 1e-6 * top), 2 * max(top, about.limit.error)
     axes.set(yscale="log", ylim=shown, xlabel="time [s]", ylabel="tip error [m]")
     legend_over(axes, figure=figure)
-    csv = columns_csv(columns)
     caption = "Tip error along the run, relative to the converged model. Dashed: uncertainty of that model."
-    return Picture("convergence", "Convergence with the number of hinges", figure, caption, csv)
+    return Picture("convergence", "Convergence with the number of hinges", figure, caption, columns_csv(columns))
 
 
 def _prices(choices: Sequence[Choice]) -> Picture | None:
