@@ -104,8 +104,7 @@ def _copied_by(error: Exception, options: argparse.Namespace) -> str:
     path = getattr(options, "scene", None)
     if getattr(error, "id", "") != "cannot-read" or not isinstance(path, Path) or path.exists():
         return ""
-    there = [one.name for one in path.parent.glob("*.toml")]
-    if near := did_you_mean(path.name, there):
+    if near := did_you_mean(path.name, [one.name for one in path.parent.glob("*.toml")]):
         return near
     folders = [one.name for one in path.parent.parent.glob("*/") if (one / path.name).is_file()]
     if not path.parent.exists() and (folder := closest(path.parent.name, folders)):

@@ -208,10 +208,7 @@ def _smallest_turn(one: Array, other: Array) -> Array:
 
 
 def _marker_points(read: ReadBack, joints: Indices) -> Array:
-    """Points that move with these joints: the next centre of mass projected onto each axis, and all centres of mass.
-
-    For a prismatic joint, the next centre of mass is not projected.
-    """
+    """Points that move with these joints: centres of mass, and the next one projected onto each axis that turns."""
     following = [_next_massive(read, j) for j in joints]
     axes, points = read.axes[joints], np.where(read.slides[joints, None], read.centers[following], read.points[joints])
     lever = read.centers[following] - points

@@ -47,8 +47,7 @@ class ExudynEngine(OtherProgram):
     version: str = exu.__version__
 
     def __init__(self, chain: Chain) -> None:
-        exported = to_urdf(chain, shapes=False)
-        self.read = read_urdf(exported)
+        self.read = read_urdf(to_urdf(chain, shapes=False))
         self.excess = excess_of(chain, lambda: self.read)
         self.n, hinges = self.read.n, self.read.hinges
         self.coulomb, self.coulomb_width = hinges["coulomb"], hinges["coulomb_width"]

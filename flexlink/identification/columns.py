@@ -164,8 +164,7 @@ def _modes(scene: Scene, rate: float) -> Array:
     shown = 0.35  # highest natural frequency that a record resolves, relative to its sampling rate
     most = 6  # largest number of modes in the linear model
     chain = lump(scene)
-    found = modes_at_rest(chain, rest_of(chain, initial_state(scene, chain)[0]))
-    λ = found.eigenvalues
+    λ = modes_at_rest(chain, rest_of(chain, initial_state(scene, chain)[0])).eigenvalues
     return np.asarray([one for one in λ if 0 < abs(one.imag) < 2 * np.pi * shown * rate][:most])
 
 

@@ -138,22 +138,27 @@ class FitComparison:
         heads = ("model", "unknowns", "BIC", "above the smallest", "fitted: residual / noise",
                  "held out: residual / noise", "passed")  # fmt: skip
         models = Table("models", "Models of the same data", heads, tuple(rows))
+        return models, self._numbers(), self._columns()
+
+    def _numbers(self) -> Table:
         heads = ("model", "parameter", "unit", "fitted", "from", "to", "standard deviation", "from folds")
-        lines: list[tuple[Cell, ...]] = []
+        lines = []
         for k, (name, one) in enumerate(zip(self.names, self.fits, strict=True)):
             scatter = self.folds[k].deviations if self.folds else {}
             lines += [(name, each.name, each.unit or "1", each.value, each.low, each.high, each.deviation,
                        scatter.get(each.name)) for each in one.numbers]  # fmt: skip
-        numbers = Table("numbers", "Parameters of every model", heads, tuple(lines))
-        of_columns = ("source", "column", "use", *(f"RMS residual of {name}" for name in self.names))
+        return Table("numbers", "Parameters of every model", heads, tuple(lines))
+
+    def _columns(self) -> Table:
+        heads = ("source", "column", "use", *(f"RMS residual of {name}" for name in self.names))
         every = [one.columns for one in self.fits]
         if self.folds:
             every = [(*one, *each.columns) for one, each in zip(every, self.folds, strict=True)]
-        residuals = tuple(
+        lines = tuple(
             (one[0].source, one[0].name, one[0].use, *(each.off(each.after) for each in one))
             for one in zip(*every, strict=True)
         )
-        return models, numbers, Table("columns", "Residuals of every column", of_columns, residuals)
+        return Table("columns", "Residuals of every column", heads, lines)
 
     def document(self) -> dict[str, Any]:
         """The comparison as plain numbers and texts."""

@@ -143,8 +143,7 @@ def coordinate_of(scene: Scene, parameter: FitParameter, run: str = "") -> Coord
     width = (high - low) / 2
     unit = width if math.isfinite(width) else abs(value) or 1.0
     ends = (max(low, value / furthest), min(high, value * furthest)) if log else (low, high)
-    unit_name = unit_of(scene, parameter.path)
-    return Coordinate(parameter.path, run, value, log, unit, ends, parameter.prior, unit_name)
+    return Coordinate(parameter.path, run, value, log, unit, ends, parameter.prior, unit_of(scene, parameter.path))
 
 
 def hints_on_bounds(problem: FitProblem) -> tuple[Diagnostic, ...]:

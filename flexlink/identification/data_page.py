@@ -166,8 +166,7 @@ def _picture(name: str, title: str, caption: str, shown: Sequence[Shown], *, res
         t = np.insert(one.t, gap, one.gaps.mean(axis=1))
         for label, y in values.items():
             panel.plot(t, np.insert(y, gap, np.nan), label=label, **_look(label, len(y)))
-        first = next(iter(values.values()))
-        _mark(panel, one, first)
+        _mark(panel, one, next(iter(values.values())))
         panel.set_ylabel(one.block.name)
         panel.set_title(f"{one.source.name} ({one.source.use})", loc="left")
         columns[f"t [s] of {one.block.name}"] = one.t
@@ -198,8 +197,7 @@ def _mark(panel: Axes, one: Shown, y: Array) -> None:
 
 def _spectra(problem: FitProblem, shown: Sequence[Shown]) -> Part:
     highest = max(0.5 / float(np.median(np.diff(one.t))) for one in shown)
-    modes = _modes(problem.scene)
-    inside = [(k, hertz, ratio) for k, (hertz, ratio) in enumerate(modes, 1) if hertz < highest]
+    inside = [(k, hertz, ratio) for k, (hertz, ratio) in enumerate(_modes(problem.scene), 1) if hertz < highest]
     marked = ", ".join(f"{hertz:.3g} Hz" for _, hertz, _ in inside)
     other = [one.title for one in shown if len(one.gaps) or len(one.uneven)]
     text = f"{plural(len(other), 'column')} with gaps or uneven intervals interpolated: {', '.join(other)}."

@@ -225,8 +225,7 @@ def _sources(
 
 
 def _motions(run: FitRun) -> list[PrescribedMotion]:
-    given = run.set.get("motion", ())
-    return [PrescribedMotion(**one) if isinstance(one, Mapping) else one for one in given]
+    return [PrescribedMotion(**one) if isinstance(one, Mapping) else one for one in run.set.get("motion", ())]
 
 
 def _version(scene: Scene, motion: PrescribedMotion, by: float, rng: np.random.Generator | None) -> PrescribedMotion:

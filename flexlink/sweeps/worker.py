@@ -93,8 +93,7 @@ def _ends(plan: Plan, numbers: Sequence[int], stop: Stop) -> list[Row | Outcome]
                 native[number] = scene
             else:
                 problem = problem_of(scene)
-                states = load(engine, problem.original).integrate(scene)
-                results[number] = trajectory_from_states(problem, *states)
+                results[number] = trajectory_from_states(problem, *load(engine, problem.original).integrate(scene))
         except FlexlinkError as error:
             results[number] = error
     block, values = None, []

@@ -158,8 +158,7 @@ def _prices(choices: Sequence[Choice]) -> Picture | None:
     looks = ((INK, "*"), *zip((*CYCLE, GREY, INK, BLUE), (*MARKERS, "X", "<", ">"), strict=True))
     for place, one in enumerate(known):
         colour, marker = looks[place % len(looks)]
-        size = 7 if place else 11
-        axes.plot([one.seconds], [one.error], marker, color=colour, markersize=size, label=one.label)
+        axes.plot([one.seconds], [one.error], marker, color=colour, markersize=7 if place else 11, label=one.label)
     axes.set(xscale="log", yscale="log", xlabel="CPU time [s]", ylabel="tip error [m]")
     legend_over(axes, figure=figure)
     csv = table_csv(("choice", "CPU time [s]", "tip error [m]"), [(one.label, one.seconds, one.error) for one in known])
