@@ -168,11 +168,9 @@ class Advisor:
             known_tolerance = self.goal.tolerance(travel, bent)
             if known_tolerance < least:
                 what, size = ("springs deflect the tip", bent) if self.goal.deflection else ("the tip moves", travel)
-                raise ArgumentError(
-                    f"{self.scene.name}: {what} by only {size:.2g} m, and {self.goal} of that is below the rounding "
-                    f"error, {least:.2g} m; specify the error as a length, such as tip = '1 mm'",
-                    id="no-motion",
-                )
+                why = f"{what} by only {size:.2g} m, and {self.goal} of that is below the rounding error, {least:.2g} m"
+                remedy = "specify the error as a length, such as tip = '1 mm'"
+                raise ArgumentError(f"{self.scene.name}: {why}; {remedy}", id="no-motion")
             if stepping.tolerance == least:
                 return stepping, known_tolerance
             if known_tolerance >= tolerance / Thresholds.rerun_factor:

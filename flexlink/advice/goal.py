@@ -17,16 +17,12 @@ from flexlink.results.tip_motion import largest_so_far
 
 
 class Goal(NamedTuple):
-    """Allowed error of the tip at any sample.
+    """Allowed error of the tip at any sample."""
 
-    `size` is a fraction of the tip's travel or, with `deflection`, of its largest deflection; with `metres` it is a
-    length [m]. Vibrations above `band` [Hz] are ignored.
-    """
-
-    size: float
-    metres: bool = False
-    deflection: bool = False
-    band: float = np.inf
+    size: float  # a fraction of the tip's travel, or of its largest deflection, or a length [m]
+    metres: bool = False  # whether it is a length
+    deflection: bool = False  # whether it is a fraction of the deflection
+    band: float = np.inf  # vibrations above this frequency are ignored [Hz]
 
     def tolerance(self, travel: float, deflection: float) -> float:
         """Allowed error [m] for this travel and this deflection of the tip [m]."""
@@ -70,14 +66,10 @@ class TipErrorNorm:
         """The difference without vibrations above the band."""
         if self.window is None:
             return difference
-        weight = self._windowed(np.ones(len(difference)))
-        return np.column_stack([self._windowed(column) / weight for column in difference.T])
-
-    def _windowed(self, column: Array) -> Array:
-        """Convolution like np.convolve(…, "same"), but as long as the run even if the window is longer."""
-        assert self.window is not None
-        before = len(self.window) // 2
-        return np.convolve(column, self.window)[before : before + len(column)]
+        before, samples = len(self.window) // 2, len(difference)
+        columns = [np.ones(samples), *difference.T]  # the result is as long as the run even if the window is longer
+        weight, *found = (np.convolve(one, self.window)[before : before + samples] for one in columns)
+        return np.column_stack([column / weight for column in found])
 
     def lengths(self, difference: Array) -> Array:
         """Length of the filtered difference at every sample [m]."""
@@ -100,42 +92,23 @@ def least_tolerance(size: float) -> float:
 class Thresholds:
     """Fractions of the allowed error, safety factors, and initial choices."""
 
-    reference_step_share: float = 0.02
-    """Tolerance of the steps of reference runs, relative to the allowed error."""
-    stable_share: float = 0.9
-    """Fixed step, relative to the smallest stable step of several configurations."""
-    loose: tuple[float, ...] = (100.0, 30.0, 10.0)
-    """Tolerances of the steps of rigid arms to try, relative to the allowed error.
-
-    In smooth motion, errors are far below the tolerance.
-    """
-    perturbation: float = 10.0
-    """Minimum initial distance between a perturbed and the original run, relative to the tolerance of steps."""
-    proportional: float = 0.1
-    """Largest distance between two runs, relative to the travel, that is proportional to the initial distance."""
-    modest_growth: float = 10.0
-    """Largest growth of errors for which the safety factor of the estimate is sufficient."""
-    sensitive_growth: float = 30.0
-    """Growth of initial errors above which the motion itself causes a large error."""
-    hinges: int = 2
-    """Number of hinges per link, at Gauss points: deflections are exact for loads that vary linearly along the link."""
-    first_guess: float = 0.1
-    """Assumed travel of the tip before the first run, relative to the size of the arm."""
-    rerun_factor: float = 1.5
-    """Ratio of assumed to actual travel (and thus of step tolerances) above which a run is repeated."""
-    screening_hinges: int = 2
-    """Number of hinges of each link for screening.
-
-    Screening compares runs, not loads: about one axis, loads bent a link by only 3e-4 of the motion, but omitting
-    this axis changed the motion by 6e-3.
-    """
-    allowed_share: float = 0.1
-    """Allowed change of the tip's path by all omitted axes together, relative to the tolerance."""
-    strict: float = 0.1
-    """Tolerance of the steps that measure the step errors of levels, relative to the tolerance of the levels."""
-    scatter: float = 5.0
-    """Upper bound of the ratio of step errors at the finest level and at a coarser level, in sensitive motion."""
-    limit_fall: float = 4.0
-    """Largest accepted amount by which the observed order of the limit's errors exceeds the order of the rule.
-
-    This threshold is needed because two limits can agree by chance."""
+    reference_step_share = 0.02  # tolerance of the steps of reference runs, relative to the allowed error
+    stable_share = 0.9  # fixed step, relative to the smallest stable step of several configurations
+    # tolerances of the steps of rigid arms to try, relative to the allowed error, far above the errors in smooth motion
+    loose = (100.0, 30.0, 10.0)
+    perturbation = 10.0  # smallest initial distance of a perturbed run from the original, relative to steps' tolerance
+    proportional = 0.1  # largest distance of two runs that is proportional to the initial one, relative to the travel
+    modest_growth = 10.0  # largest growth of errors for which the safety factor of the estimate is sufficient
+    sensitive_growth = 30.0  # growth of initial errors above which the motion itself causes a large error
+    hinges = 2  # per link, at Gauss points: deflections are exact for loads that vary linearly along the link
+    first_guess = 0.1  # assumed travel of the tip before the first run, relative to the size of the arm
+    rerun_factor = 1.5  # ratio of assumed to actual travel, and so of step tolerances, above which a run is repeated
+    # hinges of each link for screening, which compares runs, not loads: about one axis, loads bent a link by only 3e-4
+    # of the motion, but omitting this axis changed the motion by 6e-3
+    screening_hinges = 2
+    allowed_share = 0.1  # allowed change of the tip's path by all omitted axes together, relative to the tolerance
+    strict = 0.1  # tolerance of the steps that measure the step errors of levels, relative to that of the levels
+    scatter = 5.0  # upper bound of the ratio of step errors at the finest and at a coarser level, in sensitive motion
+    # largest accepted amount by which the observed order of the limit's errors exceeds the order of the rule, as two
+    # limits can agree by chance
+    limit_fall = 4.0

@@ -17,26 +17,16 @@ from flexlink.common.types import Array
 
 
 class LinkErrors:
-    """Errors of models relative to the limit.
-
-    Attributes
-    ----------
-    base
-        Number of hinges in each of the other links while one link is varied.
-    bending
-        Indices of the links that bend, from 0.
-    known
-        Errors of the models of the refinement study [m].
-    """
+    """Errors of models relative to the limit."""
 
     def __init__(self, runner: ModelRunner, norm: TipErrorNorm, refinement: RefinementStudy) -> None:
         self.runner, self.norm, self.refinement = runner, norm, refinement
         # gauss also includes Gauss-Legendre points, so it offers any number of hinges
         self.family = refinement.family if FAMILIES[refinement.family].step > 1 else GAUSS
         self.order = FAMILIES[self.family].order
-        self.base = 4 if refinement.finest.hinges > 4 else 2
-        self.bending = [k for k, flex in enumerate(refinement.axes) if flex != "rigid"]
-        self.known = {model: self.from_limit(run.tip) for model, run in refinement.models().items()}
+        self.base = 4 if refinement.finest.hinges > 4 else 2  # hinges in each of the other links while one is varied
+        self.bending = [k for k, flex in enumerate(refinement.axes) if flex != "rigid"]  # numbers of links, from 0
+        self.known = {model: self.from_limit(run.tip) for model, run in refinement.models().items()}  # [m]
         self._few: dict[tuple[int, int], Array] = {}  # errors with fewer hinges than the base, by link and hinges
         self._fewer_axes: dict[tuple[int, str], Array] = {}  # changes of the path with fewer axes
         self._own = self._of_base()

@@ -50,10 +50,7 @@ FAMILIES = {
 
 
 def rule_of(family: str, hinges: int) -> str:
-    """The lumping rule of a family for this number of hinges.
-
-    `gauss` needs an even number of hinges. Cells have four hinges or two. A single hinge is at the middle of the link.
-    """
+    """The lumping rule of a family for this number of hinges; a single hinge is at the middle of the link."""
     if hinges == 1:
         return "midpoint"
     if family == "lobatto":
@@ -117,11 +114,9 @@ def checked_scene(scene: Scene) -> Scene:
     for name in ("q", "qd"):
         value = getattr(scene.initial, name)
         if value is not None:
-            raise SceneError(
-                f"initial.{name} = {truncated(value)}: fits only one number of hinges, but advice varies it; use "
-                "initial.joint_deg, rate_deg and passive",
-                id="hinge-state-with-advice",
-            )
+            why = f"initial.{name} = {truncated(value)}: fits only one number of hinges, but advice varies it"
+            remedy = "use initial.joint_deg, rate_deg and passive"
+            raise SceneError(f"{why}; {remedy}", id="hinge-state-with-advice")
     if scene.run.duration == 0:
         why = f"run.duration = {scene.run.duration!r}: advice needs a motion; use a duration > 0"
         raise SceneError(why, id="no-motion")

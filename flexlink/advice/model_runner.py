@@ -91,10 +91,7 @@ class ModelRunner:
         return self._outcomes[model, stepping]
 
     def perturbed_run(self, model: Model, stepping: Stepping, angle: float) -> Outcome | None:
-        """The run with free hinges turned by an angle [rad] at the start, and free slides displaced by angle × size.
-
-        It is None if no joint is free.
-        """
+        """The run with free hinges turned by an angle [rad] at the start, slides by angle × size; None if none is."""
         chain, initial = self.chain(model), self.scene.initial
         free = [k for k in chain.active.tolist() if not chain.held[k]]
         if not free:
@@ -139,11 +136,8 @@ class ModelRunner:
             spent = run_cost(chain, steps.method, steps.evaluations)
             if spent > self.budget:
                 self.seconds += spent
-                raise FlexlinkError(
-                    f"{chain.name}: a run used up the budget of {self.budget:g} s at {fraction:.0%} of its "
-                    "duration; use a larger budget",
-                    id="over-budget",
-                )
+                why = f"a run used up the budget of {self.budget:g} s at {fraction:.0%} of its duration"
+                raise FlexlinkError(f"{chain.name}: {why}; use a larger budget", id="over-budget")
 
         return single.finish(stop, check, compared=False)
 

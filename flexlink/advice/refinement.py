@@ -39,33 +39,20 @@ class Level(NamedTuple):
 
 
 class RefinementStudy:
-    """Levels of a scene, refined until their limit is accurate enough.
-
-    Attributes
-    ----------
-    limit
-        The best estimate; None if fewer than two levels could be run.
-    levels
-        Levels by family, from coarse to fine.
-    tolerance, travel
-        Allowed error, and travel of the tip [m], at the finest level.
-    reason
-        Why the limit is less accurate than required; empty if it is accurate enough.
-    """
+    """Levels of a scene, refined until their limit is accurate enough."""
 
     def __init__(self, runner: ModelRunner, norm: TipErrorNorm, goal: Goal, axes: Axes, stepping: Stepping) -> None:
         self.runner, self.norm, self.goal, self.axes, self.stepping = runner, norm, goal, axes, stepping
-        self.levels: dict[str, list[Level]] = {family: [] for family in FAMILIES}
-        self.family, self.reason = GAUSS, ""
-        self.limit: Limit | None = None
-        self.tolerance = self.travel = self.deflection = 0.0
+        self.levels: dict[str, list[Level]] = {family: [] for family in FAMILIES}  # from coarse to fine
+        self.family, self.reason = GAUSS, ""  # why the limit is less accurate than required
+        self.limit: Limit | None = None  # the best estimate; None if fewer than two levels could be run
+        self.tolerance = self.travel = self.deflection = 0.0  # of the tip at the finest level [m]
         self._limits: dict[str, list[Limit]] = {family: [] for family in FAMILIES}
         self._itself: dict[str, Array] = {}  # errors of the last level, estimated from its change (samples,)
         self._errors: list[float] = []
 
     def refine(self) -> None:
         """Run levels until the error of the limit is a tenth of the tolerance, or more hinges do not help."""
-        # numbers of hinges of each link that bends
         for hinges in (1, 2, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128):
             finest = self.levels[self.family][-1].hinges if self.levels[self.family] else 0
             if hinges <= finest or FAMILIES[self.family].rounded_up(hinges) != hinges:  # known, or not offered
@@ -135,11 +122,9 @@ class RefinementStudy:
         levels = self.levels[self.family]
         if len(levels) < 2:  # an error estimate needs two levels
             return False
-        prices = [
-            self.runner.evaluation_cost(uniform(self.axes, n, self.family), explicit=False)
-            for n in (levels[-1].hinges, hinges)
-        ]
-        if levels[-1].outcome.seconds * prices[1] / prices[0] <= self.runner.budget:
+        models = (uniform(self.axes, n, self.family) for n in (levels[-1].hinges, hinges))
+        before, price = (self.runner.evaluation_cost(model, explicit=False) for model in models)
+        if levels[-1].outcome.seconds * price / before <= self.runner.budget:
             return False
         self.reason = f"a run with {hinges} hinges per link would take more than {self.runner.budget:g} s"
         return True
@@ -224,17 +209,7 @@ class RefinementStudy:
 
 
 class AxisScreening:
-    """Axes of each link, without axes that hardly change the tip's path.
-
-    Attributes
-    ----------
-    axes
-        Remaining axes of every link.
-    left_out
-        Change of the tip's path by omitting all these axes together, shape (samples, 3) [m].
-    trials
-        One line per attempt to omit axes, in order: change of the tip's path, and whether it is accepted.
-    """
+    """Remaining `axes` of each link, without axes that hardly change the tip's path; one line per trial in `trials`."""
 
     def __init__(
         self, runner: ModelRunner, norm: TipErrorNorm, axes: Axes, stepping: Stepping, tolerance: float
@@ -243,7 +218,7 @@ class AxisScreening:
         self.allowed = Thresholds.allowed_share * tolerance
         self.axes, self.trials = axes, list[str]()
         self.tip = runner.run(uniform(axes, Thresholds.screening_hinges), stepping).tip
-        self.left_out = np.zeros_like(self.tip)
+        self.left_out = np.zeros_like(self.tip)  # change of the path by omitting all these axes, (samples, 3) [m]
         if self._try("all: flex z only", limited_axes(axes, "z")):
             return
         if self.axes.count("rigid") < len(self.axes) - 1:
@@ -279,8 +254,7 @@ def may_pay(arm: Arm, run: Trajectory, hinges: int) -> bool:
 
 def load_and_bend(arm: Arm, run: Trajectory) -> tuple[float, float]:
     """Largest γ, and largest γ + 2 θ, of any link during a run."""
-    # loads are evaluated at no more than 40 samples
-    chain, few = run.chain, picked(run, np.unique(np.linspace(0, len(run.t) - 1, 40).astype(int)))
+    chain, few = run.chain, picked(run, np.unique(np.linspace(0, len(run.t) - 1, 40).astype(int)))  # at most 40 samples
     force = np.abs(few.loads.N)
     found = [(0.0, 0.0)]
     for number, link in enumerate(arm.links, 1):
@@ -307,10 +281,7 @@ def _least_rigidity(arm: Arm, link: Link) -> float:
 
 
 def horizon(refinement: RefinementStudy, norm: TipErrorNorm, known: Array) -> float:
-    """Time [s] up to which the finest level is within the tolerance.
-
-    The error of this level is its distance from the limit plus the error of the limit, `known` (samples,) [m].
-    """
+    """Time [s] up to which the finest level is within the tolerance; `known`: error of the limit (samples,) [m]."""
     assert refinement.limit is not None
     finest = refinement.finest.outcome
     assert finest.run is not None

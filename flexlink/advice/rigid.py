@@ -45,10 +45,7 @@ def rigid_model(runner: ModelRunner) -> Model:
 
 
 def rigid_run(runner: ModelRunner, goal: Goal, size: float) -> Outcome | None:
-    """Run the rigid arm with steps whose errors are far below the allowed error.
-
-    Return None if nothing can move, or if the run fails.
-    """
+    """Run the rigid arm with steps whose errors are far below the allowed error; None if it cannot move, or fails."""
     model, motion = rigid_model(runner), Thresholds.first_guess * size
     if not can_move(runner.scene, model):
         return None
@@ -132,10 +129,7 @@ def oscillator_response(u: Array, ω: float, Δ: float, start: Array) -> Array:
 
 
 def growth(runner: ModelRunner, outcome: Outcome, error: float) -> float:
-    """Largest factor by which an initial tip error [m] grows in the rigid run of an outcome.
-
-    A run with perturbed initial angles measures it; inf if the two runs differ too much for proportional growth.
-    """
+    """Largest growth of an initial tip error [m] in a rigid run, by a perturbed run; inf if it is not proportional."""
     assert outcome.stepping.tolerance is not None
     size = runner.chain(rigid_model(runner)).size
     start = max(error, Thresholds.perturbation * outcome.stepping.tolerance)

@@ -259,17 +259,14 @@ class ShapeSearch:
         self.lines: list[str] = []
 
     def best(self, cheapest: Solution | None) -> Solution | None:
-        """The smallest solution; None if the error of no model is allowed.
-
-        `cheapest` is the solution of `Search`, whose hinges move one by one.
-        """
+        """The smallest solution, if any; the `cheapest` one, that of `Search`, has hinges that move one by one."""
         best: list[Solution] = []
         for name, several in (("one by one", (self._coarsest(1.0), cheapest)), ("strain modes", (self._shaped(),))):
             if found := [each for each in several if each is not None]:
                 best.append(min(found, key=self.size))
                 chain, stable = self.runner.chain(best[-1].model), self.runner.stable_step(best[-1].model)
-                in_words = f"{chain.freedoms} coordinates, largest stable step of RK4 {stable:.3g} s"
-                self.lines.append(f"{name}: {in_words}")
+                steps = f"largest stable step of RK4 {stable:.3g} s"
+                self.lines.append(f"{name}: {chain.freedoms} coordinates, {steps}")
         if not best:
             return None
         smallest = min(best, key=self.size)
@@ -304,9 +301,11 @@ class ShapeSearch:
 
     def _with_fewer(self, solution: Solution) -> Solution:
         """Remove modes one by one as long as the error is allowed."""
-        for model in _fewer(solution.model):
-            if found := self._tried(model, self.stepping):
-                return self._with_fewer(found)
+        model = solution.model
+        for k in reversed(range(len(model))):  # from the tip inward
+            for less in _less_of(model[k]):
+                if found := self._tried((*model[:k], less, *model[k + 1 :]), self.stepping):
+                    return self._with_fewer(found)
         return solution
 
     def _tried(self, model: Model, stepping: Stepping) -> Solution | None:
@@ -327,12 +326,6 @@ class ShapeSearch:
             if found := self._tried(solution.model, stepping):
                 return found
         return solution
-
-
-def _fewer(model: Model) -> Iterator[Model]:
-    """Models with one mode less in one direction of one link, from the tip inward."""
-    for k in reversed(range(len(model))):
-        yield from ((*model[:k], less, *model[k + 1 :]) for less in _less_of(model[k]))
 
 
 def _less_of(bend: Bend | None) -> Iterator[Bend | None]:

@@ -23,10 +23,8 @@ from flexlink.common.types import Array
 from flexlink.describe.hinges import hinges_of
 from flexlink.dynamics.placement import Frames
 
-TOLERANCE = 1e-6
-"""Tolerance of a run, relative to the rod's length."""
-FLAT = 1e-9
-"""Largest distance from a plane, relative to the length, at which a rod moves in the plane."""
+TOLERANCE = 1e-6  # tolerance of a run, relative to the rod's length
+FLAT = 1e-9  # largest distance from a plane, relative to the length, at which a rod moves in the plane
 
 
 class FlexlinkSolver:

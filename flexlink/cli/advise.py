@@ -9,29 +9,10 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-from pathlib import Path
 
 from flexlink.advice.advise import advise
 from flexlink.cli.shared import prefix_errors, print_path, require_scene_file, varied_scene
 from flexlink.common.output import write_or_keep, write_text
-
-
-def add_options(command: argparse.ArgumentParser) -> None:
-    """Options of `advise`."""
-    add = command.add_argument
-    add("scene", type=Path, help="scene file (.toml); flex, segments, lumping and steps are replaced")
-    add(
-        "--tip", default="1e-3", metavar="ERROR",
-        help="allowed error of the tip: a fraction of the tip's travel, or a length such as 2mm; default: 1e-3",
-    )  # fmt: skip
-    add("--deflection", action="store_true", help="the error is a fraction of the tip's deflection")
-    add("--band", type=float, metavar="HZ", help="ignore vibrations faster than this")
-    add("--budget", type=float, default=1.0, metavar="S", help="CPU time of one run's steps [s]; default: 1")
-    add(
-        "--for", dest="measure", choices=("simulation", "explicit", "control"), default="simulation",
-        help="least CPU time of the run (default of advise), or of explicit steps, or fewest coordinates (of reduce)",
-    )  # fmt: skip
-    add("--out", type=Path, help="write the scene with this model, ready to run (.toml)")
 
 
 def run_command(options: argparse.Namespace) -> int:

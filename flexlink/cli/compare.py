@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-from pathlib import Path
 from typing import Any
 
 from flexlink.chain.lumping import lump
@@ -21,22 +20,6 @@ from flexlink.diagnosis.comparison import Comparison, compare
 from flexlink.diagnosis.trajectories import TrajectoryComparison, compare_trajectories, in_fixed_steps
 
 MANY_STEPS = 50_000  # number of steps for which other engines take a few seconds
-
-
-def add_options(command: argparse.ArgumentParser) -> None:
-    """Options of `compare`."""
-    add = command.add_argument
-    add("scene", type=Path, help="scene file (.toml)")
-    add(
-        "--engines", nargs="+",
-        help="pinocchio, mujoco, drake, exudyn; default: pinocchio and mujoco, with --file the engine of its format, "
-        "with --trajectory all",
-    )  # fmt: skip
-    add("--file", type=Path, help="find what is wrong in this MJCF, URDF or SDF file of the same arm")
-    add("--samples", type=int, help="number of random states; default: 200")
-    add("--seed", type=int, help="seed of the random states; default: 0")
-    add("--trajectory", action="store_true", help="compare a run of the scene with the same run of every engine")
-    add("--duration", type=float, help="with --trajectory: simulated time [s]; default: the scene's")
 
 
 def run_command(options: argparse.Namespace) -> int:

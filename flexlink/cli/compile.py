@@ -25,16 +25,7 @@ from flexlink.common.progress import Progress, clock
 from flexlink.kernels.tools.code_files import ARCHIVE, FAMILIES, Cpu, cache_folder, pack, state
 from flexlink.kernels.tools.machine_code import families_here, here
 
-
-def add_options(command: argparse.ArgumentParser) -> None:
-    """Options of `compile`."""
-    add = command.add_argument
-    add("--jobs", type=int, default=os.cpu_count() or 1, help="processes; default: one per core")
-    add("--out", type=Path, metavar="FOLDER", help="folder for the code, to package it; default: the user's cache")
-    add(
-        "--cpu", action="append", metavar="FAMILY",
-        help=f"compile for a processor family, {', '.join(FAMILIES)}, with --out; default: this one; may be repeated",
-    )  # fmt: skip
+families = ", ".join(FAMILIES)  # in the help text in `options.toml`
 
 
 def run_command(options: argparse.Namespace) -> int:
@@ -48,7 +39,7 @@ def run_command(options: argparse.Namespace) -> int:
             allowed = ", ".join(families_here()) or "none"
             text = f"--cpu = {cpu}: expected a family of this processor, {allowed}, and --out"
             raise ArgumentError(text, id="unknown-processor")
-        _compile(cpu, options.out, options.jobs)
+        _compile(cpu, options.out, os.cpu_count() or 1 if options.jobs is None else options.jobs)
     if options.out is None:
         done_before().touch()
     print(f"solver compiled in {clock(time.perf_counter() - begun)}")

@@ -11,11 +11,6 @@ import argparse
 from flexlink.common.errors import imported
 
 
-def add_options(command: argparse.ArgumentParser) -> None:
-    """Options of `completion`."""
-    command.add_argument("shell", choices=("bash", "zsh", "tcsh"), help="shell that reads the script")
-
-
 def run_command(options: argparse.Namespace) -> int:
     """Print the completion script of a shell."""
     from flexlink.cli.main import build_parser  # noqa: PLC0415  which loads this module

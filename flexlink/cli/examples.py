@@ -19,15 +19,6 @@ from flexlink.common.output import make_folder, write_text
 from flexlink.common.wording import did_you_mean, truncated
 
 
-def add_options(command: argparse.ArgumentParser) -> None:
-    """Options of `examples`."""
-    command.add_argument(
-        "names", nargs="*", metavar="name",
-        help="copy this script or scene with the files that it reads: a name, a path of the list, a folder, or all",
-    )  # fmt: skip
-    command.add_argument("--out", type=Path, default=Path(), metavar="FOLDER", help="default: the current folder")
-
-
 def run_command(options: argparse.Namespace) -> int:
     """List all files, or copy the named ones into `examples/` and `models/` of a folder; replace no other file."""
     files = bundled()

@@ -31,22 +31,6 @@ from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.results.files import ending
 
 
-def add_options(command: argparse.ArgumentParser) -> None:
-    """Options of `export`."""
-    add = command.add_argument
-    add("scenes", type=Path, nargs="+", help="scene files (.toml)")
-    add("--format", choices=FORMATS, action="append", help="may be repeated; default: all")
-    add("--out", type=Path, default=Path(), help="output folder, created if missing; default: the current one")
-    add("--c", type=Path, metavar="FILE", help="write the equations of motion as C code (.c)")
-    add("--slopes", action="store_true", help="with --c: also write the derivatives of the rates")
-    add("--casadi", type=Path, metavar="FILE", help="write them as Python code for CasADi (.py)")
-    add("--strict", action="store_true", help="write nothing if a format cannot represent every feature of the scene")
-    add(
-        "--small-mass", type=float, metavar="KG",
-        help="mass [kg] for massless links, which some programs refuse; prints the effect on the motion",
-    )  # fmt: skip
-
-
 def run_command(options: argparse.Namespace) -> int:
     """Write files for all scenes, or none if there is an error, and print what the formats cannot represent."""
     if options.small_mass is not None:

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 from msgspec.structs import replace
@@ -30,42 +29,7 @@ from flexlink.identification.fitted import Fitted, building
 from flexlink.identification.identifiability import WIDE, Check, document
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.propose import propose
-from flexlink.identification.systematic import Grid
 from flexlink.pages.tables import Table
-
-
-def add_options(command: argparse.ArgumentParser) -> None:
-    """Options of `fit`."""
-    add = command.add_argument
-    add("problem", type=Path, nargs="+", help="problem file (.toml); several with the same data are compared")
-    add(
-        "--check", action="store_true",
-        help="only check identifiability and segments, without fitting; exit with 1 if it fails",
-    )  # fmt: skip
-    add(
-        "--propose", action="store_true",
-        help="rank experiments by how much they would narrow the widest interval, at the solution, or with --check at "
-        "the initial guess",
-    )  # fmt: skip
-    add(
-        "--experiments", type=Path, metavar="FILE",
-        help="TOML file of experiments for --propose, in addition to the built-in ones",
-    )  # fmt: skip
-    add(
-        "--out", type=Path, metavar="FOLDER",
-        help="folder for the report, fitted.toml, fit.json and tables; also with --check",
-    )  # fmt: skip
-    add("--starts", type=int, default=1, metavar="N", help="number of initial guesses; default: 1")
-    add(
-        "--profile", action="store_true",
-        help="compute intervals by profile likelihood, with all other parameters refitted",
-    )  # fmt: skip
-    add(
-        "--grid", choices=get_args(Grid), default="check",
-        help="errors due to the number of segments: check (estimate them; default), auto (take enough segments), "
-        "ignore (for data simulated with the same segments)",
-    )  # fmt: skip
-    add("--folds", action="store_true", help="leave out each run in turn, and predict it by a fit of the others")
 
 
 def run_command(options: argparse.Namespace) -> int:

@@ -26,23 +26,6 @@ from flexlink.robots.kinematic_tree import Robot, finite
 from flexlink.robots.robot_file import read_robot
 
 
-def add_options(command: argparse.ArgumentParser) -> None:
-    """Options of `import`."""
-    add = command.add_argument
-    add("robot", help="URDF file, or the name of one that `flexlink robots` lists")
-    add("--out", type=Path, help="scene file to write (.toml); default: print the arm only")
-    add("--base", help="link where the arm begins; default: the root of the robot")
-    add("--tip", action="append", help="end of a path, other joints are locked; may be repeated")
-    add("--free-base", action="store_true", help="let the base float: a rigid body with mass")
-    for option, form, text in (
-        ("posture", "JOINT=DEG", "initial angle of a joint [deg], or position of a slide [m]"),
-        ("locked", "JOINT=DEG", "lock a joint of the arm at this angle [deg], or a slide at this position [m]"),
-        ("flexible", "LINK={…}", "make a link flexible: { section, material, mass, frequency_hz, line, segments, … }"),
-        ("armature", "JOINT=I", "rotor inertia seen at the joint [kg m²; for a slide, kg]"),
-    ):
-        add(f"--{option}", action="append", default=[], metavar=form, help=f"{text}; may be repeated")
-
-
 def run_command(options: argparse.Namespace) -> int:
     """Import a robot, print what was done, and write the scene on request."""
     if options.out is not None:

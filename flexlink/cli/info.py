@@ -12,7 +12,6 @@ import argparse
 import dataclasses
 import sys
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -38,12 +37,6 @@ from flexlink.motion.inputs.problem import problem_of
 from flexlink.results.trajectory import Trajectory
 
 
-def add_options(command: argparse.ArgumentParser) -> None:
-    """Options of `info`."""
-    command.add_argument("scene", type=Path, help="scene file (.toml)")
-    command.add_argument("--run", type=Path, metavar="FILE", help="also show a stored run (.npz) and its error")
-
-
 def run_command(options: argparse.Namespace) -> int:
     """Print the model of a scene, and notes on keys without effect."""
     scene = varied_scene(options.scene, options)
@@ -63,10 +56,7 @@ def run_command(options: argparse.Namespace) -> int:
 
 
 def _examined(scene: Scene) -> tuple[dict[str, Any], Modes | None]:
-    """The model in its initial configuration as plain numbers and strings; its modes if it has structural damping.
-
-    Modes are not computed for more than 300 joints, because the time grows with the cube of the number of joints.
-    """
+    """The model at its start as plain data; its modes, whose time grows with the joints' cube, up to 300 joints."""
     chain = lump(scene)
     q, _ = initial_state(scene, chain)
     if chain.n > 10_000:  # computing the largest eigenvalues takes more than a few seconds

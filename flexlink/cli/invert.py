@@ -7,28 +7,12 @@ flexlink invert arm.toml --tip 1.2 0 0.8 --duration 0.6 --out moved.toml --plot 
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 import numpy as np
 
 from flexlink.cli import shared
 from flexlink.common.types import Array
 from flexlink.motion.inversion import Inversion, ShapedMove, invert
-
-
-def add_options(command: argparse.ArgumentParser) -> None:
-    """Options of `invert`."""
-    add = command.add_argument
-    add("scene", type=Path, help="scene file (.toml) with drive kind pd; its reference is the move")
-    add(
-        "--tip", type=float, nargs=3, metavar=("X", "Y", "Z"),
-        help="instead of the reference: point to which the tip moves along a straight line [m], frame 0",
-    )  # fmt: skip
-    add("--duration", type=float, help="duration of the move to a point [s]")
-    add("--tolerance", type=float, default=1e-3, help="allowed error of the tip [m]; default: 0.001")
-    add("--shaper", default="ZVD", help="input shaper to compare with; default: ZVD")
-    add("--out", type=Path, help="write the driven scene to this file (.toml)")
-    add("--plot", type=Path, help="plot its run to this file (.png, .svg or .pdf)")
 
 
 def run_command(options: argparse.Namespace) -> int:

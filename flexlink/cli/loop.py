@@ -8,25 +8,12 @@ flexlink loop models/ptp_move.toml --set drive.rate=1000 --over drive.delay --va
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from flexlink.cli.shared import prefix_errors, require_picture, save_plot, varied_scene
 from flexlink.common.errors import ArgumentError
 from flexlink.common.notebook import drawing_module
 from flexlink.motion.loop.instability import instability
 from flexlink.motion.loop.loop import Loop, loop
-
-
-def add_options(command: argparse.ArgumentParser) -> None:
-    """Options of `loop`."""
-    add = command.add_argument
-    add("scene", type=Path, help="scene file (.toml) with a drive")
-    add("--count", type=int, default=6, help="number of poles to print, fastest growing first; default: 6")
-    add("--input", default="", metavar="NAME", help="joint at which --plot breaks the loop")
-    add("--kind", choices=("bode", "nyquist", "poles"), default="bode", help="kind of --plot")
-    add("--over", metavar="PATH", help="number of the scene to change, such as drive.kd.boom")
-    add("--values", type=float, nargs="+", default=[], help="values of --over")
-    add("--plot", type=Path, help="plot to this file (.png, .svg or .pdf)")
 
 
 def run_command(options: argparse.Namespace) -> int:

@@ -12,7 +12,7 @@ import os
 import re
 import signal
 import sys
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn, TextIO
 
@@ -104,8 +104,7 @@ def _copied_by(error: Exception, options: argparse.Namespace) -> str:
     path = getattr(options, "scene", None)
     if getattr(error, "id", "") != "cannot-read" or not isinstance(path, Path) or path.exists():
         return ""
-    there = [one.name for one in path.parent.glob("*.toml")]
-    if near := did_you_mean(path.name, there):
+    if near := did_you_mean(path.name, [one.name for one in path.parent.glob("*.toml")]):
         return near
     folders = [one.name for one in path.parent.parent.glob("*/") if (one / path.name).is_file()]
     if not path.parent.exists() and (folder := closest(path.parent.name, folders)):
@@ -225,16 +224,32 @@ def build_parser(words: Container[str] | None = None) -> argparse.ArgumentParser
         )  # fmt: skip
         if words is not None and name not in words:
             continue
-        loaded, add = importlib.import_module(f"flexlink.cli.{module}"), command.add_argument
+        loaded = importlib.import_module(f"flexlink.cli.{module}")
         command.set_defaults(module=loaded)
-        loaded.add_options(command)
-        add(
-            "--set", action="append", default=[], metavar="PATH=VALUE",
-            help="change a value of the scene, such as run.step=1e-5 or 'link.*.segments=9'; may be repeated",
-        )  # fmt: skip
-        add("--json", action="store_true", help="print the result as JSON, and nothing else")
-        add("--quiet-hints", action="store_true", help="do not warn of numbers that are likely given in another unit")
+        _add_arguments(command, name, vars(loaded))
     return parser
+
+
+def _add_arguments(command: argparse.ArgumentParser, name: str, words: Mapping[str, Any]) -> None:
+    """Add the arguments of a command; `words` are those of the help texts."""
+    types = {"Path": Path, "float": float, "int": int}
+    found: dict[str, dict[str, Any]] = {}
+    for commands, table in _arguments().items():
+        found |= table if {name, "*"} & {*commands.split()} else {}
+    for argument, given in found.items():
+        about = given | {"help": given["help"].format_map(words)}
+        if "type" in about:
+            about["type"] = types[about["type"]]
+        if isinstance(about.get("metavar"), list):
+            about["metavar"] = tuple(about["metavar"])
+        command.add_argument(argument, **about)
+
+
+@functools.cache
+def _arguments() -> dict[str, dict[str, dict[str, Any]]]:
+    import tomllib  # noqa: PLC0415  not needed for help
+
+    return tomllib.loads(Path(__file__).with_name("options.toml").read_text(encoding="utf-8"))
 
 
 @functools.cache

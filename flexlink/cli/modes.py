@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Iterable
-from pathlib import Path
 
 import numpy as np
 
@@ -25,19 +24,6 @@ from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.dynamics.vibration.steady import first_elastic_frequency, modes_in_motion, steady_joint
 from flexlink.motion.inputs.actuation import initial_wrench
 from flexlink.motion.inputs.initial_state import initial_state
-
-
-def add_options(command: argparse.ArgumentParser) -> None:
-    """Options of `modes`."""
-    add = command.add_argument
-    add("scene", type=Path, help="scene file (.toml)")
-    add("--lock", nargs="+", default=[], metavar="NAME", help="links or joints (boom.2.z) to lock")
-    add(
-        "--rate", nargs="+", default=[], metavar="NAME=RATE",
-        help="compute modes about a motion with constant joint rates, such as hub=500rpm; rpm, deg/s, rad/s, m/s",
-    )  # fmt: skip
-    add("--count", type=int, default=8, help="number of modes, slowest first; default: 8")
-    add("--plot", type=Path, help="plot the mode shapes to this file (.png, .svg or .pdf)")
 
 
 def print_modes(scene: Scene, found: Modes, which: Iterable[int]) -> None:

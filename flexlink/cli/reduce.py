@@ -6,14 +6,6 @@ flexlink reduce models/t3_spatial.toml --tip 2mm --set run.duration=0.5 --for ex
 
 from __future__ import annotations
 
-import argparse
-
 from flexlink.cli import advise
 
 run_command = advise.run_command
-
-
-def add_options(command: argparse.ArgumentParser) -> None:
-    """Options of `reduce`: those of `advise`, which by default minimise coordinates."""
-    advise.add_options(command)
-    command.set_defaults(measure="control")

@@ -15,8 +15,7 @@ import numpy as np
 
 import flexlink as fl
 
-KINDS = "tree", "space", "plane", "cells", "free"
-"""Names of the scenes in `data/`, in order of decreasing compile time."""
+KINDS = "tree", "space", "plane", "cells", "free"  # names of the scenes in `data/`, in order of decreasing compile time
 BY_MODES = "space", "plane"  # scenes whose links are also described by modes of bending
 
 

@@ -9,24 +9,11 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
 import flexlink as fl
 from flexlink.cli.shared import command_line, prefix_errors, print_path, varied_scene
 from flexlink.common.notebook import builder
 from flexlink.common.output import make_folder
-
-
-def add_options(command: argparse.ArgumentParser) -> None:
-    """Options of `report`."""
-    add = command.add_argument
-    add("scene", type=Path, help="scene file (.toml)")
-    add("--out", type=Path, required=True, metavar="FOLDER", help="folder of index.html and its files")
-    add(
-        "--against", type=Path, metavar="FILE",
-        help="MJCF, URDF or SDF file of the same arm, or measurements (.csv) with t [s] and columns of "
-        "`flexlink simulate --out run.csv`",
-    )  # fmt: skip
 
 
 def run_command(options: argparse.Namespace) -> int:

@@ -13,11 +13,6 @@ from flexlink.common.output import write_text
 from flexlink.robots.collection import import_known, known_arm, known_arms
 
 
-def add_options(command: argparse.ArgumentParser) -> None:
-    """Options of `robots`."""
-    command.add_argument("--out", type=Path, help="write their scenes to this folder")
-
-
 def run_command(options: argparse.Namespace) -> int:
     """Print name, joints, mass and file of every arm; write all scenes, or none, on request."""
     targets = {name: options.out / f"{name}.toml" for name in known_arms()} if options.out else {}

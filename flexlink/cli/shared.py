@@ -30,8 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-OF_ENGINES = {".urdf": "urdf", ".xml": "mjcf", ".sdf": "sdf"}
-"""Formats of files of engines, by the ends of their names."""
+OF_ENGINES = {".urdf": "urdf", ".xml": "mjcf", ".sdf": "sdf"}  # formats of files of engines, by the ends of their names
 
 
 def varied_scene(path: Path, options: argparse.Namespace, own: Mapping[str, object] | None = None) -> Scene:

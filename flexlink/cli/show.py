@@ -18,21 +18,7 @@ from flexlink.motion.simulate import simulate
 from flexlink.results.pictures.animate import COLOURS, FORMATS, animate, shot
 from flexlink.results.pictures.film import frame_count
 
-
-def add_options(command: argparse.ArgumentParser) -> None:
-    """Options of `show`."""
-    add = command.add_argument
-    add("scene", type=Path, help="scene file (.toml)")
-    add(
-        "--out", type=Path,
-        help=f"file to write ({', '.join(FORMATS)}); default: a page named after the scene, opened in the browser",
-    )  # fmt: skip
-    add("--magnify", type=float, default=1.0, metavar="X", help="magnify deflections; default: 1")
-    add("--colour", default="moment", help=f"colour by {' or '.join(COLOURS)}; default: moment")
-    add("--duration", type=float, help="simulated time [s]; default: the scene's")
-    add("--fps", type=float, default=25.0, help="frames per second; default: 25")
-    add("--speed", type=float, default=1.0, help="simulated seconds per second of film; default: 1, real time")
-    add("--width", type=int, default=640, help="width of the picture [pixels]; default: 640")
+formats, colours = ", ".join(FORMATS), " or ".join(COLOURS)  # words of the help texts in `options.toml`
 
 
 def run_command(options: argparse.Namespace) -> int:

@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import time
-from pathlib import Path
 
 import numpy as np
 
@@ -33,33 +32,8 @@ from flexlink.results.files import TRAJECTORY, ending
 from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError
 from flexlink.results.trajectory import Trajectory
 
-
-def add_options(command: argparse.ArgumentParser) -> None:
-    """Options of `simulate`; the scene's values are the defaults."""
-    add = command.add_argument
-    methods, solvers = ", ".join(data_files.names("methods")), ", ".join(SOLVERS)
-    add("scene", type=Path, help="scene file (.toml)")
-    add("--method", help=f"integrator: auto, {methods}, or a file (.toml)")
-    add("--step", type=float, help="fixed step [s]")
-    add("--tolerance", type=float, help="adaptive steps: error of the position of any body [m]")
-    add(
-        "--relative-tolerance", type=float,
-        help="adaptive steps: error as a fraction of the arm's reach, or of its deflection",
-    )  # fmt: skip
-    add("--accuracy", help="what the tolerance applies to: auto (the tip and what is read), tip, or deflection")
-    add("--max-evaluations", type=float, help="adaptive steps: stop the run after this many evaluations")
-    add("--duration", type=float, help="simulated time [s]")
-    add("--sample", type=float, help="time between two samples [s], a multiple of the step")
-    add("--solver", help=f"solver of the forward dynamics: {solvers}")
-    add(
-        "--insist", action="store_const", const="allow", dest="unstable",
-        help="run even if the step exceeds the stability limit, and keep a run whose energy does not balance",
-    )  # fmt: skip
-    add("--out", type=Path, help="write the samples to this file (.npz or .csv)")
-    add(
-        "--plot", type=Path,
-        help="plot angles [deg], tip [m], drive torques [N m] and energy [J] to this file (.png, .svg or .pdf)",
-    )  # fmt: skip
+# words of the help texts in `options.toml`
+methods, solvers = ", ".join(data_files.names("methods")), ", ".join(SOLVERS)
 
 
 def run_command(options: argparse.Namespace) -> int:

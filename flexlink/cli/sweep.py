@@ -26,23 +26,6 @@ from flexlink.sweeps.table import export, require_parquet
 from flexlink.sweeps.workers import MAX_WORKERS
 
 
-def add_options(command: argparse.ArgumentParser) -> None:
-    """Options of `sweep`."""
-    add = command.add_argument
-    add("sweep", type=Path, help="sweep file (.toml)")
-    add(
-        "--out", type=Path,
-        help="database of the results; an existing one is continued; default: SWEEP.db in the current folder",
-    )  # fmt: skip
-    add("--workers", type=int, default=1, metavar="N", help="number of processes; default: 1")
-    add("--dask", metavar="ADDRESS", help="run the members on the workers of this Dask scheduler")
-    add(
-        "--export", choices=("csv", "parquet"),
-        help="also write all results to a file of this format, next to the database",
-    )  # fmt: skip
-    add("--fresh", action="store_true", help="delete the stored results and start again")
-
-
 def run_command(options: argparse.Namespace) -> int:
     """Run members without a stored result, print a summary, and export results; exit with 1 if all members failed."""
     plan = _planned(options)

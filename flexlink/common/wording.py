@@ -17,10 +17,7 @@ def id_of(text: object) -> str:
 
 
 def coloured(word: str) -> str:
-    """Colour a word for severity: red for errors, yellow for warnings, cyan for notes.
-
-    The word is unchanged if stderr is not a terminal, or NO_COLOR is set.
-    """
+    """Colour a word by severity, red, yellow or cyan; not if stderr is not a terminal, or NO_COLOR is set."""
     codes = {"warning": 33, "note": 36, "flexlink": 31}
     if word not in codes or os.environ.get("NO_COLOR") or not sys.stderr.isatty():
         return word

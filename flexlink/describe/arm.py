@@ -22,8 +22,7 @@ BETWEEN = (
     "'proportional'"
 )
 """Text for messages: why damping with a constant ratio, which needs dampers between hinges, is not available."""
-BASE = "base"
-"""Name that denotes the base as a parent, unless a link has this name."""
+BASE = "base"  # name that denotes the base as a parent, unless a link has this name
 
 
 class Base(RigidBody, frozen=True):

@@ -25,15 +25,11 @@ def unit(key: str, vector: Vector3 | Array) -> Array:
 
 
 class Line(NamedTuple):
-    """Position and axes of the beam in a link's frame.
+    """Position and axes of the beam in a link's frame."""
 
-    `start` is the beam's root [m] and `length` its length [m]; `frame` (3, 3) rotates from the section's axes to the
-    link's: v_link = frame @ v_beam.
-    """
-
-    start: Array
-    length: float
-    frame: Array
+    start: Array  # the beam's root [m]
+    length: float  # [m]
+    frame: Array  # (3, 3), rotates from the section's axes to the link's: v_link = frame @ v_beam
 
 
 def line_of(ends: tuple[Vector3, Vector3], up: Vector3 | None, axis: Array) -> Line:

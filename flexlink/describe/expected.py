@@ -107,10 +107,7 @@ def _instead(words: str) -> dict[str, str]:
 
 
 def why_not(key: str, value: object, near: str = "") -> str:
-    """Alternative to an unknown key or a value of the wrong type, as the end of a message; empty if unknown.
-
-    A key of another table is named only if no allowed key is `near` to it.
-    """
+    """End of a message on an unknown key or a wrong value; a key of another table is named only if no key is `near`."""
     by_value = _instead("values").get(value.casefold(), "") if isinstance(value, str) else ""
     tables = () if near else _words()["belongs"].items()
     belongs = next((f"this key belongs to {table}" for table, keys in tables if key.casefold() in keys), "")

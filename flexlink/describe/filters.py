@@ -12,8 +12,7 @@ from flexlink.common.wording import both_given, missing
 from flexlink.describe.spec import LARGE, SMALL, Deviation, Spec, measured_in
 
 Frequency = Annotated[float, msgspec.Meta(gt=0, le=LARGE)]
-MOST = 8
-"""Largest order of one filter; poles are sensitive to the coefficients of polynomials of higher order."""
+MOST = 8  # largest order of one filter; poles are sensitive to the coefficients of polynomials of higher order
 Coefficients = Annotated[
     tuple[Annotated[float, msgspec.Meta(ge=-LARGE, le=LARGE)], ...], msgspec.Meta(min_length=1, max_length=MOST + 1)
 ]

@@ -99,10 +99,7 @@ def without_starts(initial: InitialState, arm: Arm, led: tuple[PrescribedMotion,
 
 
 def drive_from_file(drive: Drive, arm: Arm, moved: set[int]) -> Drive:
-    """The drive with the torques of its file, which has one column "tau NAME [N m]" for each driven joint.
-
-    Locked joints, and joints led by a motion (`moved`, by link number), need no column.
-    """
+    """The drive with the torques of its file; locked joints, and those led by a motion (`moved`), need no column."""
     with _table("drive", drive.file or "") as table:
         columns = []
         for k, link in enumerate(arm.links, 1):

@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.common.types import Array
 
 Row = tuple[float, ...]
-Slides = tuple[bool, ...]
-"""For each link, whether its joint is prismatic."""
+Slides = tuple[bool, ...]  # for each link, whether its joint is prismatic
 
 IN_METRES = {
     "joint_deg": "joint_m", "rate_deg": "rate_m", "target_deg": "target_m", "to_deg": "to_m", "from_deg": "from_m",
@@ -76,10 +75,7 @@ def in_words(slides: bool, si: float, form: str = ".6g") -> str:
 
 
 class KindOfJoint(NamedTuple):
-    """Names of a kind of joint, of its coordinate and drive, and of their units, in scenes and in SI; what it does.
-
-    `motion` has the keys of its position, rate and acceleration in a scene.
-    """
+    """Names of a kind of joint, of its coordinate and drive, and of their units, in scenes and in SI; what it does."""
 
     name: str
     unit: str
@@ -88,11 +84,10 @@ class KindOfJoint(NamedTuple):
     place: str
     load: str
     moves: str
-    motion: tuple[str, str, str]
+    motion: tuple[str, str, str]  # keys of its position, rate and acceleration in a scene
 
 
-OF_MOTION = "angle_deg", "rate_deg", "acceleration_deg"
-"""Keys of angle, rate and acceleration in a scene."""
+OF_MOTION = "angle_deg", "rate_deg", "acceleration_deg"  # keys of angle, rate and acceleration in a scene
 IN_METRES_OF_MOTION = "position_m", "rate_m", "acceleration_m"
 OF_JOINT = {
     False: KindOfJoint("revolute", "deg", "rad", "N m", "angle", "torque", "turns", OF_MOTION),

@@ -62,8 +62,7 @@ class RootDamping(Spec, frozen=True):
     """Damping about z of the link's frame [N m s/rad]."""
 
 
-ROOT_AXES = "xyz"
-"""Axes of root springs, in the order of their hinges."""
+ROOT_AXES = "xyz"  # axes of root springs, in the order of their hinges
 AXES = {"rigid": (), "z": (3,), "yz": (2, 3), "xyz": (1, 2, 3)}
 """Passive axes of a hinge by flex type: 1 twists about X, 2 bends about Y, 3 bends about Z (paper: T1, T2, T3)."""
 RIGID: dict[str, Any] = {

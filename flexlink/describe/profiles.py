@@ -73,8 +73,7 @@ class Ramps(NamedTuple):
 
 
 Shape = Quintic | Ramps
-Limits = tuple[float, float, float]
-"""Largest rate, acceleration and jerk of a joint; inf if unlimited."""
+Limits = tuple[float, float, float]  # largest rate, acceleration and jerk of a joint; inf if unlimited
 
 
 def fastest_quintic(distance: float, limits: Limits) -> Quintic:

@@ -21,12 +21,9 @@ AUTO = "auto"  # instead of a method's name
 DEFAULT_TOLERANCE = 1e-3
 """Default tolerance: position error of any body at the end of the run, relative to the arm's reach."""
 DEFAULT_DURATION = 5.0  # s
-ForwardSolver = Literal["articulated", "lu", "cholesky"]
-"""Solvers of forward dynamics."""
-Unstable = Literal["refuse", "allow"]
-"""Treatment of an unstable run."""
-Accuracy = Literal["auto", "tip", "deflection"]
-"""What the tolerance of a run applies to."""
+ForwardSolver = Literal["articulated", "lu", "cholesky"]  # solvers of forward dynamics
+Unstable = Literal["refuse", "allow"]  # treatment of an unstable run
+Accuracy = Literal["auto", "tip", "deflection"]  # what the tolerance of a run applies to
 Output = Literal["sensors", "loads", "torques"]
 """What may be read of a run besides its tip and its slow motion, and then follows vibrations."""
 
@@ -200,8 +197,7 @@ class RunSettings(Spec, frozen=True, dict=True):  # the dict is for cached prope
 @functools.lru_cache(maxsize=256)
 def default_sample(duration: float, step: float | None) -> float:
     """Default time between stored samples [s]: near 0.005 s, a divisor of the duration and a multiple of the step."""
-    # preferred time between stored samples [s]
-    sample = 0.005
+    sample = 0.005  # preferred time between stored samples [s]
     if _fits(duration, sample) and (step is None or _fits(sample, step)):
         return sample
     if step is None:

@@ -367,8 +367,7 @@ class Scene(Spec, frozen=True):
         return {key: to_document(value) for key, value in parts.items() if key in wanted and value is not None}
 
 
-_course = keep_last(64)(Reference.course)
-"""Trajectory of a reference, cached because all runs of a scene share it."""
+_course = keep_last(64)(Reference.course)  # trajectory of a reference, cached because all runs of a scene share it
 
 
 def scene_from(
@@ -410,12 +409,10 @@ def _fields() -> list[FieldInfo]:
     return [field for field in (*spec.fields_of(Scene), *spec.fields_of(Arm)) if field.name != "arm"]
 
 
-RUNS = Memo(256)
-"""Cached run settings, keyed by the original settings and the changes to them; scenes share them."""
+RUNS = Memo(256)  # cached run settings, keyed by the original settings and the changes to them; scenes share them
 FIELDS: dict[str, Any] = {field.encode_name: field.type for field in _fields()}
 """Type at each key of a scene file, where the keys of the arm are at the top level, beside the keys of the scene."""
-OF_ARM = {field.encode_name: field for field in spec.fields_of(Arm)}
-"""Fields of the arm, by their keys."""
+OF_ARM = {field.encode_name: field for field in spec.fields_of(Arm)}  # fields of the arm, by their keys
 
 
 def bare_and_rigid(scene: Scene) -> Scene:

@@ -30,10 +30,8 @@ KINDS: dict[str, tuple[tuple[str, ...], tuple[str, ...], str]] = {
     "current": (("torque_constant",), (), "A"),
 }
 """Required keys, optional keys, and unit of the signal of each kind; "" if the unit depends on the joint."""
-ON_A_BASE = ("accelerometer", "gyroscope", "position")
-"""Kinds that may be attached to a base that floats."""
-OF_THE_DRIVE = ("joint", "torque", "current")
-"""Kinds that are attached to a link's joint."""
+ON_A_BASE = ("accelerometer", "gyroscope", "position")  # kinds that may be attached to a base that floats
+OF_THE_DRIVE = ("joint", "torque", "current")  # kinds that are attached to a link's joint
 
 
 class Sensor(Spec, frozen=True):

@@ -152,10 +152,7 @@ def fields_of(kind: type[msgspec.Struct]) -> tuple[msgspec.structs.FieldInfo, ..
 
 
 def to_builtin(value: object) -> object:
-    """Convert NumPy numbers, strings and arrays to built-in types, at any depth.
-
-    Users write sweeps with NumPy, but msgspec does not accept np.float64.
-    """
+    """Convert NumPy numbers, strings and arrays, which msgspec does not accept, to built-in types, at any depth."""
     if isinstance(value, np.ndarray):
         return to_builtin(value.tolist())
     if isinstance(value, np.generic):  # `item` alone would return a longdouble unchanged

@@ -24,8 +24,7 @@ from flexlink.describe.joint_units import fits_joint
 from flexlink.describe.link import RIGID
 from flexlink.describe.spec import Spec, Vector3, bare_type, fields_of, is_per_link, is_record, to_builtin, type_below
 
-Keys = tuple[Any, ...]
-"""Keys of tables, and indices of list items from 0."""
+Keys = tuple[Any, ...]  # keys of tables, and indices of list items from 0
 
 
 def apply_changes(document: dict[str, Any], kinds: Mapping[str, Any], changes: Mapping[str, object]) -> dict[str, Any]:
@@ -92,10 +91,7 @@ def number_in(values: Sequence[Any]) -> float:
 
 
 def routes_to(document: dict[str, Any], kinds: Mapping[str, Any], path: str) -> list[tuple[Keys, Any]]:
-    """Routes of a path, made of keys of tables and indices from 0, each with the type annotation at its end.
-
-    Arguments and errors as in `values_at`.
-    """
+    """Routes of a path, keys of tables and indices from 0, each with the type at its end; errors as in `values_at`."""
     routes = []
     for _, _, route in _Change(document, path).targets(document, kinds):
         kind: Any = kinds
@@ -123,8 +119,7 @@ def as_document(value: Any) -> Any:
     return to_document(value)
 
 
-_kept_document = keep_last(64)(to_document)
-"""A part of a scene as parsed TOML, cached."""
+_kept_document = keep_last(64)(to_document)  # a part of a scene as parsed TOML, cached
 
 
 def parts_by_key(spec: Spec) -> dict[str, Any]:
@@ -152,10 +147,7 @@ class _Change:
         return SceneError(f"{truncated(self.path)[1:-1]}{value}: {reason}", id="cannot-set")
 
     def targets(self, node: Any, kind: Any, above: Keys = ()) -> Iterator[tuple[Any, Any, Keys]]:
-        """Follow the remaining path from a table or list of this kind.
-
-        Yields tables or lists at the end of the path, their keys, and all keys of the route.
-        """
+        """Follow the path from a table or list of this kind; yield tables or lists at its end, keys, and routes."""
         depth = len(above)
         for key in self._keys(node, kind, depth):
             if depth < len(self.parts) - 1:
@@ -170,8 +162,7 @@ class _Change:
 
     def _keys(self, node: Any, kind: Any, depth: int) -> Sequence[Any]:
         """Keys of the table, or indices of list items, selected by this part of the path."""
-        # names of the components of a vector
-        axes = ("x", "y", "z")
+        axes = ("x", "y", "z")  # names of the components of a vector
         # lists of tables other than links, with the key that names their items
         named = {"motion": "link", "sensor": "name", "tie": "name"}
         part = self.parts[depth]

@@ -132,16 +132,11 @@ def diagnose_file(
     chain: Chain, loaded: tuple[str, FileEngine, tuple[str, ...]], states: Sequence[State],
     progress: Callable[[float], None] | None = None, *, scene: Scene | None = None,
 ) -> Diagnosis:  # fmt: skip
-    """Diagnose an engine that has loaded a foreign file: compare its quantities and what it has read.
-
-    The actuators of the file are compared with the drive of the `scene`, if there is one.
-    """
+    """Diagnose an engine that has loaded a foreign file; its actuators are compared with the drive of the `scene`."""
     if chain.has_rotation_springs:
-        raise ArgumentError(
-            f"{chain.name!r}: has springs of rotation vectors, which no other program supports; compare the file with "
-            "a scene whose lumping rule has springs = 'angles'",
-            id="rotation-springs-in-file",
-        )
+        why = f"{chain.name!r}: has springs of rotation vectors, which no other program supports"
+        remedy = "compare the file with a scene whose lumping rule has springs = 'angles'"
+        raise ArgumentError(f"{why}; {remedy}", id="rotation-springs-in-file")
     format, engine, stderr_errors = loaded
     ours, read = with_drive(of_chain(chain), scene, chain), mark_unspecified(_with_step(chain, engine.read_back()))
     errors = [Diagnostic(f"{engine.name} reports an error: {text}", "engine-error") for text in stderr_errors]

@@ -66,10 +66,7 @@ class Finding:
 
 
 def differences(ours: ReadBack, theirs: ReadBack, format: str) -> tuple[Match | None, list[Finding]]:
-    """Match the joints (None if impossible) and list the differences, numbers before settings.
-
-    `format`, a name in `flexlink.formats.FORMATS`, determines the names of fields in texts.
-    """
+    """Match the joints (None if impossible) and list the differences, in the words of a `format` of `FORMATS`."""
     match = match_joints(ours, theirs)
     if not isinstance(match, Match):
         what, remedy = match

@@ -120,10 +120,7 @@ def _offset(read: ReadBack, k: int) -> Array:
 
 
 def _unit(ours: ReadBack, theirs: ReadBack, k: int, units: Sequence[float]) -> tuple[float, Array] | None:
-    """Unit factor of the distance from the parent joint, and the corrected position of joint k; None if none fits.
-
-    The position must be on our axis, for some point on the axis of the parent joint.
-    """
+    """Unit factor of the distance from the parent joint that puts joint k on our axis, and its place there; or None."""
     tolerance = 1e-3  # relative: numbers may have been rounded manually
     offset = _offset(theirs, k)
     far, right = (float(np.linalg.norm(_offset(read, k))) for read in (theirs, ours))
@@ -140,10 +137,7 @@ def _unit(ours: ReadBack, theirs: ReadBack, k: int, units: Sequence[float]) -> t
 
 
 def deviations(ours: ReadBack, theirs: ReadBack) -> tuple[Array, Array]:
-    """Sine of the angle between the two axes of each joint, and distance [m] of `theirs.points` from our axis.
-
-    For a prismatic joint only the direction matters; the distance is set to 0.
-    """
+    """Sine of the angle between the axes of each joint, and distance [m] of their point from our axis (slides: 0)."""
     sin = np.linalg.norm(cross(ours.axes, theirs.axes), axis=1)
     off = np.linalg.norm(cross(ours.axes, theirs.points - ours.points), axis=1)
     return sin, np.where(ours.slides | theirs.slides, 0.0, off)
@@ -214,10 +208,7 @@ def _smallest_turn(one: Array, other: Array) -> Array:
 
 
 def _marker_points(read: ReadBack, joints: Indices) -> Array:
-    """Points that move with these joints: the next centre of mass projected onto each axis, and all centres of mass.
-
-    For a prismatic joint, the next centre of mass is not projected.
-    """
+    """Points that move with these joints: centres of mass, and the next one projected onto each axis that turns."""
     following = [_next_massive(read, j) for j in joints]
     axes, points = read.axes[joints], np.where(read.slides[joints, None], read.centers[following], read.points[joints])
     lever = read.centers[following] - points

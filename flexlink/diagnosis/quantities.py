@@ -31,8 +31,7 @@ from flexlink.engines.base import Engine
 # until M is positive definite.
 
 
-RANGE = 10.0
-"""Largest |q̇| [rad/s], |T_EX| of active joints [N m], tip force [N] and moment [N m] of random states."""
+RANGE = 10.0  # largest |q̇| [rad/s], |T_EX| of active joints [N m], tip force [N] and moment [N m] of random states
 IMBALANCE = 1e-6  # relative difference between T_EX and T_G + T_FL in balanced states
 TRIES = 20
 

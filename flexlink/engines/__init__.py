@@ -15,18 +15,14 @@ from flexlink.engines.child_process import IsolatedEngine
 
 
 class Adapter(NamedTuple):
-    """Module and class of an engine, the extra that installs it, and whether it runs in a child process.
-
-    `between_joints`: whether the engine has springs and dampers between two joints; if not, flexlink computes them.
-    `holds`: whether joints may have a given motion.
-    """
+    """Module and class of an engine, the extra that installs it, and whether it runs in a child process."""
 
     module: str
     class_name: str
     extra: str = ""
     isolated: bool = False
-    between_joints: bool = True
-    holds: bool = False
+    between_joints: bool = True  # whether it has springs and dampers between two joints; if not, flexlink computes them
+    holds: bool = False  # whether joints may have a given motion
 
 
 ENGINES = {
@@ -41,23 +37,9 @@ __all__ = ["ENGINES", "Adapter", "Engine", "load"]
 
 
 def load(name: str, chain: Chain) -> Engine:
-    """Build a chain in an engine.
+    """Build a chain in one of `ENGINES`; others than "native" load the text of a file to which it is exported.
 
-    Parameters
-    ----------
-    name
-        One of `ENGINES`; this call imports its module.
-    chain
-        The chain; engines other than "native" load the text of a file to which the chain is exported.
-
-    Raises
-    ------
-    ArgumentError
-        The engine is unknown, or cannot represent this chain.
-    MissingDependencyError
-        The engine is not installed.
-    EngineError
-        The engine's child process ended.
+    Errors: the engine is unknown, is not installed, cannot represent this chain, or its child process ended.
     """
     adapter = require_one_of("engine", name, ENGINES)
     require_type("chain", chain, Chain)

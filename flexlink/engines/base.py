@@ -61,14 +61,8 @@ class Engine(Protocol):
     def integrate(self, scene: Scene) -> Samples:
         """Run the scene with this engine's dynamics and the scene's method and fixed step.
 
-        Raises
-        ------
-        DivergenceError
-            The state is no longer finite; the error contains the samples up to that time.
-        ArgumentError
-            The engine does not support the scene's method, inputs or prescribed motions.
-        UnstableStepError
-            The step exceeds the stability limit.
+        A DivergenceError has the samples before; methods, inputs and motions that an engine lacks, and unstable steps,
+        are refused.
         """
 
     def read_back(self) -> ReadBack:
@@ -177,11 +171,9 @@ def refuse_held_joints(engine: str, chain: Chain) -> None:
     """Refuse a chain with prescribed motions for an engine that does not support them."""
     held = np.flatnonzero(chain.held)
     if len(held):
-        raise ArgumentError(
-            f"{chain.name}: the motion of joint {chain.joint_name(int(held[0]))!r} is prescribed, which "
-            f"{engine} does not support; use native or pinocchio, or remove the motion from the scene",
-            id="engine-does-not-support",
-        )
+        why = f"the motion of joint {chain.joint_name(int(held[0]))!r} is prescribed, which {engine} does not support"
+        remedy = "use native or pinocchio, or remove the motion from the scene"
+        raise ArgumentError(f"{chain.name}: {why}; {remedy}", id="engine-does-not-support")
 
 
 def fixed_steps_problem(scene: Scene, engine: str = "") -> InitialValueProblem:

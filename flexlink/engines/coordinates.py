@@ -19,8 +19,7 @@ from flexlink.common.products import cross, product
 from flexlink.common.types import Array, Indices
 from flexlink.describe.arm import BASE
 
-BASE_JOINTS = tuple(f"{BASE}.{name}" for name in BASE_NAMES)
-"""flexlink's names of the joints of a floating base."""
+BASE_JOINTS = tuple(f"{BASE}.{name}" for name in BASE_NAMES)  # flexlink's names of the joints of a floating base
 
 
 class Floating(NamedTuple):

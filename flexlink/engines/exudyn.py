@@ -47,8 +47,7 @@ class ExudynEngine(OtherProgram):
     version: str = exu.__version__
 
     def __init__(self, chain: Chain) -> None:
-        exported = to_urdf(chain, shapes=False)
-        self.read = read_urdf(exported)
+        self.read = read_urdf(to_urdf(chain, shapes=False))
         self.excess = excess_of(chain, lambda: self.read)
         self.n, hinges = self.read.n, self.read.hinges
         self.coulomb, self.coulomb_width = hinges["coulomb"], hinges["coulomb_width"]
@@ -82,8 +81,7 @@ class ExudynEngine(OtherProgram):
 
     def integrate(self, scene: Scene) -> base.Samples:
         """Run Exudyn's own Runge-Kutta method sample by sample."""
-        # largest angle of a floating base [rad]; the angle about Y is singular at 90°
-        largest_turn = 1.2
+        largest_turn = 1.2  # largest angle of a floating base [rad]; the angle about Y is singular at 90°
         run = scene.run
         problem = base.fixed_steps_problem(scene, self.title)
         base.refuse_sampled_inputs(self.title, scene)
@@ -98,12 +96,10 @@ class ExudynEngine(OtherProgram):
                 if not np.isfinite([q[row], qd[row]]).all():
                     raise base.divergence_error(self.name, problem, samples, row)
                 if problem.base is not None and np.abs(q[row, ANGLES]).max() > largest_turn:
-                    raise ArgumentError(
-                        f"{scene.name}: the base has turned by more than {np.degrees(largest_turn):.0f}° at t = "
-                        f"{t[row]:.6g} s, close to the singularity of Exudyn's three angles; use another engine or a "
-                        "shorter run",
-                        id="base-turned-too-far",
-                    )
+                    turned = f"the base has turned by more than {np.degrees(largest_turn):.0f}° at t = {t[row]:.6g} s"
+                    why = f"{turned}, close to the singularity of Exudyn's three angles"
+                    remedy = "use another engine or a shorter run"
+                    raise ArgumentError(f"{scene.name}: {why}; {remedy}", id="base-turned-too-far")
         return samples
 
     def _torque_function(self, problem: InitialValueProblem) -> UserFunction | None:

@@ -47,8 +47,7 @@ class MujocoEngine(OtherProgram):
     def __init__(self, chain: Chain) -> None:
         try:
             with quiet():
-                exported = to_mjcf(chain, shapes=False)
-                model = mujoco.MjModel.from_xml_string(exported)
+                model = mujoco.MjModel.from_xml_string(to_mjcf(chain, shapes=False))
         except ValueError as error:
             raise cannot_load("MuJoCo", repr(chain.name), f"{error}; use another engine") from error
         self._use(model, mujoco_reader.read(model), xml_joint_names(chain), loaded_tip(chain).name)

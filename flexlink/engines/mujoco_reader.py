@@ -134,7 +134,8 @@ def _settings(model: Any, spec: Any) -> dict[str, str]:
     wide = 1e6  # rad; URDF requires limits, even for unlimited joints
     limited = int(((model.jnt_limited != 0) & (np.abs(model.jnt_range).min(axis=1) < wide)).sum())
     dry, lifted = int((model.dof_frictionloss != 0).sum()), int((model.body_gravcomp != 0).sum())
-    others = list(other_actuators(model))
+    kinds = [(number, _kind(model, number)) for number in _acting(model)]  # "": a motor or servo at a joint
+    others = [f"{_name(model, 'actuator', number)!r} ({kind})" for number, kind in kinds if kind]
     tendons = [_name(model, "tendon", number) for number in mujoco_tendons.others(model)]
     settings: dict[str, tuple[Any, str]] = {
         "contacts": (constrained and _on(model, "CONTACT") and colliding > 1, f"{colliding} geoms"),
@@ -220,13 +221,6 @@ def added(model: Any, name: str) -> Array:
             joint = model.actuator_trnid[number, 0]
             total[model.jnt_dofadr[joint]] += model.actuator_gear[number, 0] ** 2 * np.ravel(own[number])[0]
     return total
-
-
-def other_actuators(model: Any) -> Iterator[str]:
-    """Yield a description of each actuator that is not a motor or servo at a joint."""
-    for number in _acting(model):
-        if kind := _kind(model, number):
-            yield f"{_name(model, 'actuator', number)!r} ({kind})"
 
 
 def _acting(model: Any) -> Iterator[int]:

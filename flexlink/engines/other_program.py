@@ -14,16 +14,7 @@ from flexlink.common.types import Array
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.floating_base import ANGLES, FAR
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
-from flexlink.engines.base import (
-    Engine,
-    Samples,
-    allocate_samples,
-    divergence_error,
-    drag_function,
-    drive_function,
-    rotate_wrench,
-    wrench_function,
-)
+from flexlink.engines import base
 from flexlink.engines.coordinates import Coordinates
 from flexlink.engines.read_back import COUPLED_FIELDS, of_matrices
 from flexlink.formats.document import ROTATION_SPRINGS
@@ -31,7 +22,7 @@ from flexlink.kernels.forces.rotation_springs import excess_torque
 from flexlink.kernels.inputs.drive_torque import follow
 
 
-class OtherProgram(Engine):
+class OtherProgram(base.Engine):
     """An arm in another program, with the torques that it lacks: dry friction and springs between joints.
 
     Files describe them by flexlink's own elements. Rotation-vector springs act as angle springs in a program; `excess`
@@ -68,15 +59,15 @@ class OtherProgram(Engine):
     ) -> Array:
         """Return q̈, `held` at joints with a given motion; the wrench is in axes of the tip if it `follows`."""
         if follows and wrench is not None:
-            wrench = rotate_wrench(self.tip_rotation(q), wrench)
+            wrench = base.rotate_wrench(self.tip_rotation(q), wrench)
         return self.forward_dynamics(q, qd, tau, tip_wrench=wrench)
 
-    def run_in_steps(self, problem: InitialValueProblem) -> Samples:
+    def run_in_steps(self, problem: InitialValueProblem) -> base.Samples:
         """Return the samples of a run with fixed steps; a floating base is described in its initial coordinates.
 
         After a large rotation the steps continue in new base coordinates, which the engine also receives.
         """
-        samples = t, q, qd = allocate_samples(problem)
+        samples = t, q, qd = base.allocate_samples(problem)
         theirs = self.coordinates
         reference = theirs.reference
         try:
@@ -115,14 +106,12 @@ def cannot_load(engine: str, what: str, reason: object) -> ArgumentError:
 def refuse_in_files(engine: str, path: Path) -> None:
     """Refuse a file with rotation-vector springs, which only chains built by flexlink support."""
     if ROTATION_SPRINGS.encode() in path.read_bytes():
-        raise ArgumentError(
-            f"the file has rotation-vector springs, which {engine} would read as springs of angles; "
-            "compare the scene itself, or export it with a rule of springs = 'angles'",
-            id="rotation-springs-in-file",
-        )
+        why = f"the file has rotation-vector springs, which {engine} would read as springs of angles"
+        remedy = "compare the scene itself, or export it with a rule of springs = 'angles'"
+        raise ArgumentError(f"{why}; {remedy}", id="rotation-springs-in-file")
 
 
-def _fill(engine: OtherProgram, problem: InitialValueProblem, samples: Samples) -> None:
+def _fill(engine: OtherProgram, problem: InitialValueProblem, samples: base.Samples) -> None:
     """Compute all samples except the first."""
     run, n, step = problem.run, problem.chain.n, _step_function(engine, problem)
     (t, q, qd), floating, every = samples, problem.base, run.steps_per_sample
@@ -138,14 +127,14 @@ def _fill(engine: OtherProgram, problem: InitialValueProblem, samples: Samples) 
                     floating.turn((number + 1) // every + 1, y[:n], y[n:])
                     engine.coordinates.reference = np.array(problem.chain.bodies["rotation"][1])
             if not np.isfinite(y).all():
-                raise divergence_error(engine.name, problem, samples, row)
+                raise base.divergence_error(engine.name, problem, samples, row)
 
 
 def _step_function(engine: OtherProgram, problem: InitialValueProblem) -> Callable[[int, Array], Array]:
     """Return a function that advances the state (q, q̇) from number · h to (number + 1) h."""
-    n, h, wrench = problem.chain.n, problem.run.fixed_step, wrench_function(problem)
+    n, h, wrench = problem.chain.n, problem.run.fixed_step, base.wrench_function(problem)
     A, b, c = method(problem.run.method).arrays
-    drive, drag, motion = drive_function(problem), drag_function(problem), problem.inputs.motion
+    drive, drag, motion = base.drive_function(problem), base.drag_function(problem), problem.inputs.motion
     F, no_torque, held = np.empty((len(c), 2 * n)), np.zeros(n), np.zeros(n)
     follows, led = wrench is not None and wrench.follows, bool(len(motion.joints))
     stages, whole = [(float(c[i]), h * A[i, :i], F[:i], F[i, :n], F[i, n:]) for i in range(len(c))], h * b

@@ -68,8 +68,7 @@ class PinocchioEngine(OtherProgram):
 
         The base floats if `base` is given or the document specifies its rotation.
         """
-        # attributes of flexlink's custom elements
-        not_in_urdf = ("stiffness", "rest", "coulomb_width", "armature")
+        not_in_urdf = ("stiffness", "rest", "coulomb_width", "armature")  # attributes of flexlink's custom elements
         floating = Floating(velocity_in_base=True, spin_in_base=True, turn_first=False, scalar_first=False)
         robot = ET.fromstring(text)
         own_element = robot.find("flexlink")
@@ -80,11 +79,9 @@ class PinocchioEngine(OtherProgram):
         self.model = model = pin.buildModelFromXML(text, *floats)
         degrees = degrees_of_freedom(model)
         if model.nv > 600:  # pinocchio.Data allocates four n³ arrays for second derivatives: 7 GB
-            raise ArgumentError(
-                f"{model.nv} joints: Pinocchio's data would take {32e-9 * model.nv**3:.0f} GB; at most 600 joints are "
-                "supported; use another engine or fewer segments",
-                id="too-many-joints",
-            )
+            why = f"{model.nv} joints: Pinocchio's data would take {32e-9 * model.nv**3:.0f} GB"
+            remedy = "at most 600 joints are supported; use another engine or fewer segments"
+            raise ArgumentError(f"{why}; {remedy}", id="too-many-joints")
         self.data, self.n = pin.Data(model), model.nv  # `createData` would copy the model
         self.names = tuple(names or degrees)
         order = np.array([degrees[name] for name in self.names])

@@ -142,11 +142,8 @@ def require_joints(joints: Sequence[tuple[str, str]]) -> None:
     """
     for name, kind in joints:
         if kind:
-            raise ArgumentError(
-                f"joint {name!r} has type {kind}; supported are revolute and prismatic joints and a floating base; "
-                "make it fixed",
-                id="joint-type-in-file",
-            )
+            why = f"joint {name!r} has type {kind}; supported are revolute and prismatic joints and a floating base"
+            raise ArgumentError(f"{why}; make it fixed", id="joint-type-in-file")
     if not joints:
         raise ArgumentError("the file has no movable joint", id="no-movable-joint")
 

@@ -20,8 +20,7 @@ import scipy
 
 from flexlink.common.types import Array
 
-SHARE = 12
-"""Smallest number of samples per AR coefficient."""
+SHARE = 12  # smallest number of samples per AR coefficient
 
 
 class Colour(NamedTuple):
@@ -105,10 +104,7 @@ def colour_of(e: Array) -> Colour:
 
 
 def unlikelihood(e: Array, times: float = 1.0) -> float:
-    """−2 ln likelihood of residuals, up to a constant: n ln(mean w²) + p ln n, w whitened by an AR model of order p.
-
-    `times` is a factor of mean w².
-    """
+    """−2 ln likelihood of residuals, up to a constant: n ln(`times` mean w²) + p ln n, w whitened by an AR(p) model."""
     colour = colour_of(e)
     w = colour.whitened(e[:, None])
     return len(w) * math.log(max(float(np.mean(w**2)) * times, 1e-300)) + colour.price
@@ -118,8 +114,7 @@ def _price(order: int, samples: int) -> float:
     return order * math.log(samples)
 
 
-FAR = 6.0
-"""Distance of an outlier from the median, in standard deviations estimated by the median absolute deviation."""
+FAR = 6.0  # distance of an outlier from the median, in standard deviations estimated by the median absolute deviation
 
 
 def outlying(e: Array) -> npt.NDArray[np.bool_]:
@@ -138,8 +133,7 @@ def whiteness(e: Array) -> float:
     return float(scipy.special.chdtrc(lags, n * (n + 2) * np.sum(ρ**2 / (n - np.arange(1, lags + 1)))))
 
 
-LINEAR = "gain", "bias", "drift"
-"""Unknowns of an instrument that enter linearly."""
+LINEAR = "gain", "bias", "drift"  # unknowns of an instrument that enter linearly
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -207,10 +201,7 @@ def with_noise_of_data(blocks: Sequence[Block]) -> list[Block]:
 
 
 def noise_in(block: Block) -> float | None:
-    """Standard deviation of the unstated white noise of a column; None if it is not well determined.
-
-    Only the longest part with evenly spaced samples is used.
-    """
+    """Standard deviation of unstated white noise, from a column's longest even part; None if not well determined."""
     if block.stated or block.t is None:
         return None
     longest = max(even_parts(block.t, UNEVEN), key=lambda part: part.stop - part.start)
@@ -250,10 +241,7 @@ def white_noise(y: Array) -> float | None:
 
 
 def outliers_in(t: Array, y: Array, predicted: Array) -> npt.NDArray[np.bool_]:
-    """Whether each sample at times t, shape (n,), lies far from its neighbours, in the data and in the residual.
-
-    Samples on either side of a gap are no neighbours.
-    """
+    """Whether each sample at times t, (n,), is far from its neighbours, none across a gap, in data and residual."""
     parts = even_parts(t, GAP)
     return np.concatenate([_spikes(y[part]) & _spikes((y - predicted)[part]) for part in parts])
 

@@ -26,17 +26,10 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import Sensor, column_names
 from flexlink.describe.vary import parts_of
 from flexlink.dynamics.sensors.signals import check_placements
+from flexlink.identification import experiments as kinds
 from flexlink.identification.block import LINEAR, unit_in
 from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.data import Source, at_times, exact, sagged, tapped
-from flexlink.identification.experiments import (
-    ColumnExperiment,
-    Experiments,
-    ModesExperiment,
-    MotionExperiment,
-    PriorExperiment,
-    StaticExperiment,
-)
 from flexlink.identification.problem import FitModes, FitParameter, FitProblem, FitRun, FitStatic, files_of
 from flexlink.identification.timing import as_long
 from flexlink.motion.simulate import simulate
@@ -74,7 +67,7 @@ class Bench:
         self.runs = [(run, known[run.name]) for run in problem.run if run.name in known]
         self.runs = self.runs or [(FitRun(name="scene", columns={"t [s]": (0.0,)}), None)]
 
-    def candidates(self, experiments: Experiments) -> Iterator[Candidate]:
+    def candidates(self, experiments: kinds.Experiments) -> Iterator[Candidate]:
         """All candidates, those without simulated runs first."""
         for prior in experiments.prior:
             yield from self._priors(prior)
@@ -100,7 +93,7 @@ class Bench:
         """Note an experiment that is left out."""
         self.skipped.append(Diagnostic(f"{name}: {reason}", "experiment-left-out"))
 
-    def _priors(self, experiment: PriorExperiment) -> Iterator[Candidate]:
+    def _priors(self, experiment: kinds.PriorExperiment) -> Iterator[Candidate]:
         for one in self.problem.parameter:
             if one.prior is not None or not re.fullmatch(experiment.paths, one.path):
                 continue
@@ -112,7 +105,7 @@ class Bench:
             addition = replace(one, prior=(rounded(value), rounded(deviation)))
             yield Candidate(experiment.name, title, experiment.reason, addition)
 
-    def _static(self, experiment: StaticExperiment, axis: int) -> Iterator[Candidate]:
+    def _static(self, experiment: kinds.StaticExperiment, axis: int) -> Iterator[Candidate]:
         """The heaviest weight that moves the tip by no more than allowed."""
         scene, before = self.scene, self.scene.wrench.force
         if scene.wrench.varies or scene.arm.base.free:
@@ -145,7 +138,7 @@ class Bench:
             raise ArgumentError(f"{what}: no weight moves the tip within the allowed range", id="no-effect")
         yield found
 
-    def _modes(self, experiment: ModesExperiment) -> Iterator[Candidate]:
+    def _modes(self, experiment: kinds.ModesExperiment) -> Iterator[Candidate]:
         added, on = self._mass(experiment.kilograms, {})
         for count in range(experiment.count, 0, -1):
             addition = FitModes(
@@ -172,7 +165,7 @@ class Bench:
         yield Candidate(experiment.name, title, experiment.reason, addition)
 
     def _of_columns(
-        self, experiments: Sequence[ColumnExperiment], run: FitRun, source: Source | None
+        self, experiments: Sequence[kinds.ColumnExperiment], run: FitRun, source: Source | None
     ) -> Iterator[Candidate]:
         """One candidate for each column or sensor, recorded in a repeat of a run; one simulation predicts all."""
         scene, sensors = self.problem.scene.varied(run.set) if run.set else self.problem.scene, list[Sensor]()
@@ -192,8 +185,8 @@ class Bench:
                     yield from self._column(one, run, sensor, changes, t, {name: columns[name] for name in names})
 
     def _column(
-        self, experiment: ColumnExperiment, run: FitRun, sensor: Sensor | None, changes: Mapping[str, Any], t: Array,
-        columns: Mapping[str, Array],
+        self, experiment: kinds.ColumnExperiment, run: FitRun, sensor: Sensor | None, changes: Mapping[str, Any],
+        t: Array, columns: Mapping[str, Array],
     ) -> Iterator[Candidate]:  # fmt: skip
         largest = max(float(np.abs(column).max()) for column in columns.values())
         noise = rounded(experiment.noise or (experiment.share or 0.0) * largest)
@@ -222,13 +215,15 @@ class Bench:
             return True
         return name.partition(" ")[2].rpartition(" [")[0] in self.problem.scene.arm.joint_names
 
-    def _links(self, experiment: MotionExperiment) -> list[str]:
+    def _links(self, experiment: kinds.MotionExperiment) -> list[str]:
         """Names of the driven links, on each of which a motion is tried; "" if its paths name no link."""
         if not any("{link}" in path for path in (*experiment.scale, *experiment.add, *experiment.set)):
             return [""]
         return [link.name for link in self.scene.arm.links if not link.joint.locked]
 
-    def _motion(self, experiment: MotionExperiment, run: FitRun, source: Source, link: str) -> Iterator[Candidate]:
+    def _motion(
+        self, experiment: kinds.MotionExperiment, run: FitRun, source: Source, link: str
+    ) -> Iterator[Candidate]:
         added, on = self._mass(experiment.kilograms, run.set)
         changes = changes_of(experiment, self.problem.scene.varied(run.set), link) | added
         self._refuse_sought(changes)
@@ -303,7 +298,7 @@ class Bench:
 # Apply experiments to a scene: sensors on its links, and changed values for another motion; columns of its files.
 
 
-def sensors_on(experiment: ColumnExperiment, scene: Scene, others: list[Sensor]) -> list[Sensor]:
+def sensors_on(experiment: kinds.ColumnExperiment, scene: Scene, others: list[Sensor]) -> list[Sensor]:
     """The sensor of an experiment on every link and at every place that takes it; they are appended to `others`."""
     found = []
     for link in scene.arm.links:
@@ -336,7 +331,7 @@ def _fibres(scene: Scene, link: Link) -> list[dict[str, tuple[float, float]]]:
     return [*both, {"fibre": (0.0, rounded(along_z / 2))}] if "y" in link.flex else both
 
 
-def changes_of(experiment: MotionExperiment, scene: Scene, link: str) -> dict[str, Any]:
+def changes_of(experiment: kinds.MotionExperiment, scene: Scene, link: str) -> dict[str, Any]:
     """Values by path that turn a run into another motion."""
     quoted = link if re.fullmatch(r"[A-Za-z0-9_-]+", link) else f'"{link}"'
 

@@ -164,8 +164,7 @@ def _modes(scene: Scene, rate: float) -> Array:
     shown = 0.35  # highest natural frequency that a record resolves, relative to its sampling rate
     most = 6  # largest number of modes in the linear model
     chain = lump(scene)
-    found = modes_at_rest(chain, rest_of(chain, initial_state(scene, chain)[0]))
-    λ = found.eigenvalues
+    λ = modes_at_rest(chain, rest_of(chain, initial_state(scene, chain)[0])).eigenvalues
     return np.asarray([one for one in λ if 0 < abs(one.imag) < 2 * np.pi * shown * rate][:most])
 
 
@@ -203,10 +202,7 @@ def _stacked(
     name: str, λ: Array, fitted: Sequence[tuple[Source, Scene]], inputs: Sequence[tuple[Array, Array]],
     shapes: Shapes,
 ) -> tuple[Array, Array, int]:  # fmt: skip
-    """Basis functions and measurements of one column, divided by the noise; and the number of functions of inputs.
-
-    All runs are stacked. `shapes` caches the basis functions, because columns of a run share the same times.
-    """
+    """Basis functions and measurements of a column of all runs, over the noise; and how many are of inputs."""
     measured = [
         (block, driven)
         for (source, _), driven in zip(fitted, inputs, strict=False)

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -89,7 +89,9 @@ class FitComparison:
     def _size(self, columns: Sequence[FittedColumn]) -> float:
         best = self.fits[int(np.argmin(self.bic))]
         noise = {(one.source, one.name): one.noise for one in best.columns}
-        squares = [len(one.measured) * (one.off(one.after) / _above_zero(one, noise)) ** 2 for one in columns]
+        scale = [noise.get((one.source, one.name), one.noise) or one.noise or 1.0 for one in columns]
+        pairs = zip(columns, scale, strict=True)
+        squares = [len(one.measured) * (one.off(one.after) / above_zero) ** 2 for one, above_zero in pairs]
         return math.sqrt(sum(squares) / sum(len(one.measured) for one in columns)) if columns else math.nan
 
     @property
@@ -246,10 +248,6 @@ def _equal(one: FittedColumn, other: FittedColumn) -> bool:
     return np.array_equal(one.measured, other.measured) and np.array_equal(t, other_t)
 
 
-def _above_zero(one: FittedColumn, noise: dict[tuple[str, str], float]) -> float:
-    return noise.get((one.source, one.name), one.noise) or one.noise or 1.0
-
-
 def _bic(fitted: Fitted) -> float:
     total, count = 0.0, 0
     for one in fitted.columns:
@@ -345,16 +343,14 @@ def folds(problem: FitProblem, *, grid: Grid = "ignore", progress: Callable[[str
     fitted = [run.name for run in problem.run if run.use == "fit"]
     if len(fitted) < 2:
         raise ArgumentError(f"folds: {len(fitted)} fitted runs; at least two are needed", id="too-few-runs")
-    return Folds(tuple(fitted), tuple(_without(problem, fitted, grid, progress or (lambda _: None))))
-
-
-def _without(problem: FitProblem, fitted: list[str], grid: Grid, report: Callable[[str], None]) -> Iterator[Fitted]:
-    single = ("modes", "static", "frf")
+    single, found = ("modes", "static", "frf"), list[Fitted]()
     for name in fitted:
         runs = (replace(run, use="check" if run.name == name else "fit") for run in problem.run if run.name in fitted)
         others = {key: tuple(one for one in getattr(problem, key) if one.use == "fit") for key in single}
-        report(f"without run {name!r}")
+        if progress is not None:
+            progress(f"without run {name!r}")
         try:
-            yield fit(replace(problem, run=tuple(runs), **others), grid=grid, progress=report)
+            found.append(fit(replace(problem, run=tuple(runs), **others), grid=grid, progress=progress))
         except IdentifiabilityError as error:
             raise IdentifiabilityError(f"without run {name!r}: {error}", error.check) from None
+    return Folds(tuple(fitted), tuple(found))

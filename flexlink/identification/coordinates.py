@@ -20,8 +20,7 @@ from flexlink.describe.spec import bare_type, type_below, units_of
 from flexlink.describe.vary import number_in, routes_to
 from flexlink.identification.problem import FitParameter, FitProblem, FitRun
 
-Timing = Literal["delay", "clock", "start"]
-"""Unknowns of the times of a run's data."""
+Timing = Literal["delay", "clock", "start"]  # unknowns of the times of a run's data
 OF_TIMING: dict[Timing, tuple[float, float, str]] = {
     "delay": (0.01, 0.1, "s"), "clock": (0.02, 0.05, ""), "start": (0.01, 0.2, "s")
 }  # fmt: skip
@@ -115,10 +114,7 @@ def timing_of(kind: Timing, run: str, column: str = "") -> Coordinate:
 
 
 def shifted(t: Array, begin: float, column: str, timing: Sequence[tuple[Coordinate, float]]) -> Array:
-    """Times of the scene at which a column shows the values recorded at t, shape (n,) [s].
-
-    t' = begin + (t − begin − start) / (1 + clock) − delay
-    """
+    """Times begin + (t − begin − start) / (1 + clock) − delay of the scene that a column shows at t, shape (n,) [s]."""
     if not timing:
         return t
     of_column = {"", head_of(column)[0]}
@@ -147,8 +143,7 @@ def coordinate_of(scene: Scene, parameter: FitParameter, run: str = "") -> Coord
     width = (high - low) / 2
     unit = width if math.isfinite(width) else abs(value) or 1.0
     ends = (max(low, value / furthest), min(high, value * furthest)) if log else (low, high)
-    unit_name = unit_of(scene, parameter.path)
-    return Coordinate(parameter.path, run, value, log, unit, ends, parameter.prior, unit_name)
+    return Coordinate(parameter.path, run, value, log, unit, ends, parameter.prior, unit_of(scene, parameter.path))
 
 
 def hints_on_bounds(problem: FitProblem) -> tuple[Diagnostic, ...]:

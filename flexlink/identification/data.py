@@ -67,10 +67,7 @@ class Source:
         return dataclasses.replace(self, scene=scene, blocks=blocks)
 
     def model(self, run: Trajectory, timing: Sequence[tuple[Coordinate, float]] = ()) -> list[Array]:
-        """Predictions for all blocks, interpolated by cubic splines through the samples of a simulated run.
-
-        `timing` are unknowns of the times with their coordinates. Before its start, a run has its initial values.
-        """
+        """Predictions for all blocks, by cubic splines through a run's samples; `timing`: unknowns of the times."""
         columns, begin = run.columns, self.scene.initial.time
         return [
             at_times(run.t, columns[block.name], shifted(np.asarray(block.t), begin, block.name, timing))
@@ -220,10 +217,7 @@ def _first(block: Block, part: float) -> Block:
 
 
 def at_times(t: Array, samples: Array, times: Array) -> Array:
-    """Samples (n, …) at times t, interpolated to `times` by cubic splines; unchanged if `times` equals t.
-
-    Before and after the samples, the first and last values hold.
-    """
+    """Samples (n, …) at times t, interpolated to `times` by cubic splines; outside, the first and last values hold."""
     if len(times) <= len(t) and np.allclose(t[: len(times)], times, rtol=0, atol=1e-9 * max(float(times[-1]), 1e-3)):
         return np.asarray(samples[: len(times)])
     return np.asarray(scipy.interpolate.CubicSpline(t, samples)(np.clip(times, t[0], t[-1])))

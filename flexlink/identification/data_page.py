@@ -28,8 +28,7 @@ from flexlink.pages.picture import Picture, picture_of
 from flexlink.pages.style import stacked_axes
 from flexlink.pages.tables import Table
 
-Chapters = dict[str, tuple[str, str, Part]]
-"""Parts of a page by name, with their titles and short titles."""
+Chapters = dict[str, tuple[str, str, Part]]  # parts of a page by name, with their titles and short titles
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -163,10 +162,11 @@ def _picture(name: str, title: str, caption: str, shown: Sequence[Shown], *, res
         values = {"residual": one.predicted - one.block.y} if residual else {
             "measured": one.block.y, "predicted": one.predicted
         }  # fmt: skip
+        gap = np.searchsorted(one.t, one.gaps[:, 1])  # nan there, where a line would suggest data
+        t = np.insert(one.t, gap, one.gaps.mean(axis=1))
         for label, y in values.items():
-            panel.plot(*_with_breaks(one, y), label=label, **_look(label, len(y)))
-        first = next(iter(values.values()))
-        _mark(panel, one, first)
+            panel.plot(t, np.insert(y, gap, np.nan), label=label, **_look(label, len(y)))
+        _mark(panel, one, next(iter(values.values())))
         panel.set_ylabel(one.block.name)
         panel.set_title(f"{one.source.name} ({one.source.use})", loc="left")
         columns[f"t [s] of {one.block.name}"] = one.t
@@ -184,12 +184,6 @@ def _look(label: str, samples: int) -> dict[str, Any]:
     }[label]  # fmt: skip
 
 
-def _with_breaks(one: Shown, y: Array) -> tuple[Array, Array]:
-    """Times and values with nan inside the gaps, where a line would suggest data."""
-    at = np.searchsorted(one.t, one.gaps[:, 1])
-    return np.insert(one.t, at, one.gaps.mean(axis=1)), np.insert(y, at, np.nan)
-
-
 def _mark(panel: Axes, one: Shown, y: Array) -> None:
     """Mark gaps, uneven intervals and outliers."""
     for first, last in one.gaps:
@@ -203,8 +197,7 @@ def _mark(panel: Axes, one: Shown, y: Array) -> None:
 
 def _spectra(problem: FitProblem, shown: Sequence[Shown]) -> Part:
     highest = max(0.5 / float(np.median(np.diff(one.t))) for one in shown)
-    modes = _modes(problem.scene)
-    inside = [(k, hertz, ratio) for k, (hertz, ratio) in enumerate(modes, 1) if hertz < highest]
+    inside = [(k, hertz, ratio) for k, (hertz, ratio) in enumerate(_modes(problem.scene), 1) if hertz < highest]
     marked = ", ".join(f"{hertz:.3g} Hz" for _, hertz, _ in inside)
     other = [one.title for one in shown if len(one.gaps) or len(one.uneven)]
     text = f"{plural(len(other), 'column')} with gaps or uneven intervals interpolated: {', '.join(other)}."
@@ -245,10 +238,7 @@ def _spectrum_picture(number: int, shown: Sequence[Shown], hertz: Sequence[float
 
 
 def amplitudes(t: Array, y: Array) -> tuple[Array, Array]:
-    """Frequencies [Hz] and amplitudes of the sines in samples y at times t, by a Hann window; without the mean.
-
-    Samples at uneven times are interpolated to even ones.
-    """
+    """Frequencies [Hz] and amplitudes of the sines in samples y, by a Hann window, without the mean, at even times."""
     n = len(t)
     even = np.linspace(t[0], t[-1], n)
     y = np.interp(even, t, y)

@@ -199,10 +199,8 @@ def _candidates(at: Likelihood) -> Iterator[Fault]:
                 yield Fault(kind, source.name, "", "", effect.copy())
 
 
-LATE = (1e-5, 0.005, -0.005, 0.01, -0.01, 0.02, -0.02)
-"""Delays of a column or a run whose effect is tried [s]."""
-FAST = (1e-5, 0.01, -0.01, 0.03, -0.03)
-"""Rate errors of a clock whose effect is tried."""
+LATE = (1e-5, 0.005, -0.005, 0.01, -0.01, 0.02, -0.02)  # delays of a column or a run whose effect is tried [s]
+FAST = (1e-5, 0.01, -0.01, 0.03, -0.03)  # rate errors of a clock whose effect is tried
 
 
 def _secants(t: Array, values: Array, moved: Sequence[tuple[float, Array]]) -> Array:

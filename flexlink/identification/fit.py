@@ -220,10 +220,7 @@ def _check(
     signals: Signals, x: Array, blocks: Sequence[Sequence[Block]], data_notes: Sequence[Diagnostic],
     tolerance: float | None = None,
 ) -> Check:  # fmt: skip
-    """Check identifiability; the Jacobian's error is estimated from the results of two finite-difference step sizes.
-
-    With the `tolerance` of simulations, the grid error is estimated as well.
-    """
+    """Check identifiability and the Jacobian's error by two step sizes; with a `tolerance` of runs, the grid's."""
     at, finer = in_two_steps(signals, x, blocks)
     doubts = [*data_notes, *ranges_apart(at), *hertz_in_rad_per_s(at), *mixups(at)]
     check = information_of(at, finer).check

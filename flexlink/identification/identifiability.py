@@ -16,8 +16,7 @@ import numpy as np
 from flexlink.common.errors import Diagnostic
 from flexlink.common.types import Array
 
-WIDE = 1.96
-"""Half-width of a 95 % interval in standard deviations."""
+WIDE = 1.96  # half-width of a 95 % interval in standard deviations
 COUNTS = 0.2
 """A parameter is part of a direction if its effect is more than this share of the direction's largest effect."""
 EQUAL = 1e-6
@@ -171,10 +170,7 @@ def _largest(sizes: Array) -> int:
 
 
 def _short(basis: Array) -> Array:
-    """Unit vectors that span the same space, made sparse by Gaussian elimination.
-
-    Each pivot is the parameter with the largest component in the remaining space, so it does not depend on the basis.
-    """
+    """Unit vectors that span the same space, sparse by elimination, whose pivots do not depend on the basis."""
     remainder, pivots = basis.copy(), []
     for _ in basis:
         pivots.append(_largest(np.linalg.norm(remainder, axis=0)))

@@ -167,8 +167,7 @@ def estimates(at: Likelihood, spread: Spread) -> list[Estimate]:
 
 OUTWARDS = tuple(1.5**k for k in range(7))
 """Distances from the estimate at which ends are tried, relative to the end of the linear estimate's interval."""
-HALVINGS = 3
-"""Number of bisections for an end beyond the initial guess."""
+HALVINGS = 3  # number of bisections for an end beyond the initial guess
 
 
 class Rise:
@@ -265,10 +264,7 @@ class Rise:
 
 
 def first_rejected(rejected: Callable[[float], bool], values: Sequence[float], halvings: int = 0) -> float | None:
-    """First rejected value of a sequence moving outwards, refined by bisection; the last value if none is rejected.
-
-    None if the first value is rejected, so that nothing needs to move.
-    """
+    """First rejected value moving outwards, by bisection; the last one if none is rejected; None if the first is."""
     at = next((k for k, value in enumerate(values) if rejected(value)), None)
     if not at:
         return None if at == 0 else values[-1]

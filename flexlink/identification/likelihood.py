@@ -189,20 +189,17 @@ class LossFunction(NamedTuple):
     psi: Callable[[Array], Array]
 
 
-def _huber(e: Array) -> Array:
-    return np.clip(e, -1.0, 1.0) / max(float(np.mean(np.abs(e) <= 1)), 0.1)
-
-
-def _soft_l1(e: Array) -> Array:
-    return np.asarray(e / np.sqrt(1 + e**2) / np.mean((1 + e**2) ** -1.5))
-
-
 SQUARES = LossFunction(np.square, np.asarray)
 LOSSES: dict[Loss, LossFunction] = {
     "linear": SQUARES,
     "trimmed": SQUARES,
-    "huber": LossFunction(lambda e: np.where(np.abs(e) <= 1, e**2, 2 * np.abs(e) - 1), _huber),
-    "soft_l1": LossFunction(lambda e: 2 * (np.sqrt(1 + e**2) - 1), _soft_l1),
+    "huber": LossFunction(
+        lambda e: np.where(np.abs(e) <= 1, e**2, 2 * np.abs(e) - 1),
+        lambda e: np.clip(e, -1.0, 1.0) / max(float(np.mean(np.abs(e) <= 1)), 0.1),
+    ),
+    "soft_l1": LossFunction(
+        lambda e: 2 * (np.sqrt(1 + e**2) - 1), lambda e: e / np.sqrt(1 + e**2) / np.mean((1 + e**2) ** -1.5)
+    ),
 }
 """Loss functions by name, as `scipy.optimize.least_squares` defines them for a scale of 1."""
 

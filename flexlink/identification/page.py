@@ -57,10 +57,7 @@ def build(fitted: Fitted, folder: Path, command: str, proposals: Proposals | Non
 def build_check(
     problem: FitProblem, check: Check, folder: Path, command: str, proposals: Proposals | None = None
 ) -> Report:
-    """Write the page and the files of a check, or of a fit that the check refused; with `proposals` of experiments.
-
-    The page shows the data first: columns beside their prediction at the initial guess, residuals, and spectra.
-    """
+    """Write page and files of a check, or of a fit that it refused, the data first; with `proposals` of experiments."""
     begin_page(folder)
     write_text(folder / "check.json", json.dumps(document(check), indent=1, ensure_ascii=False) + "\n")
     identifiable = f"{plural(len(check.names), 'parameter')} identifiable at the initial guess. Nothing was fitted."

@@ -17,8 +17,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.scene_file import refuse_scene, scene_named
 from flexlink.describe.spec import Deviation, Positive, Spec, check_keys, decode, fields_of, mistakes, raise_together
 
-Use = Literal["fit", "check"]
-"""Use of data: to fit the parameters, or to check the fit with data that were not fitted."""
+Use = Literal["fit", "check"]  # use of data: to fit the parameters, or to check the fit with data that were not fitted
 Loss = Literal["linear", "soft_l1", "huber", "trimmed"]
 """Loss function of the residuals: "linear" is least squares; "soft_l1" and "huber" reduce the weight of outliers;
 "trimmed" leaves them out."""

@@ -125,8 +125,7 @@ def _present(
     return information_of(*in_two_steps(Signals(sources, coordinates), x, [source.blocks for source in sources]))
 
 
-Informed = tuple[Candidate, Information]
-"""An experiment, and its information about the parameters."""
+Informed = tuple[Candidate, Information]  # an experiment, and its information about the parameters
 
 
 class Ranking:

@@ -21,16 +21,12 @@ from flexlink.motion.slopes_of_runs import CENTRAL, FORWARD, Places, mirrored, m
 from flexlink.results.stop_reasons import InterruptedRunError
 from flexlink.results.trajectory import Trajectory
 
-Model = list[list[Array]]
-"""Predictions for every block of every source."""
-Slopes = list[list[Array]]
-"""Jacobians of these predictions with respect to all coordinates; empty if not requested."""
-STEP = 1e-3
-"""Finite-difference step of x, relative to the parameter or its unit."""
+Model = list[list[Array]]  # predictions for every block of every source
+Slopes = list[list[Array]]  # Jacobians of these predictions with respect to all coordinates; empty if not requested
+STEP = 1e-3  # finite-difference step of x, relative to the parameter or its unit
 FINER = 0.01
 """Step for frequency responses relative to the step for runs: they are exact, and change quickly at a resonance."""
-KEPT = 4
-"""Size of the cache of points; a search evaluates predictions, Jacobian and noise at the same points."""
+KEPT = 4  # size of the cache of points; a search evaluates predictions, Jacobian and noise at the same points
 
 
 class Signals:

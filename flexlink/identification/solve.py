@@ -17,8 +17,7 @@ from flexlink.identification.likelihood import LOSSES, Likelihood, Row, likeliho
 from flexlink.identification.problem import Loss
 from flexlink.identification.signals import Signals
 
-ROUNDS = 2
-"""Number of times that unstated noise is re-estimated from the residuals."""
+ROUNDS = 2  # number of times that unstated noise is re-estimated from the residuals
 
 
 class Found(NamedTuple):

@@ -48,12 +48,9 @@ from flexlink.identification.solve import Found, Search
 
 Grid = Literal["check", "auto", "ignore"]
 """Treatment of the grid error: estimate it; take enough segments; or ignore it, for data from the same chain."""
-REFINED = 2.0
-"""Factor between the numbers of hinges of the two models."""
-RICHARDSON = 1 / (1 - REFINED**-2)
-"""Ratio of the error of order 2 to the change by refinement."""
-ENOUGH = 0.25
-"""Grid error at which the number of segments is sufficient, relative to half the 95 % interval."""
+REFINED = 2.0  # factor between the numbers of hinges of the two models
+RICHARDSON = 1 / (1 - REFINED**-2)  # ratio of the error of order 2 to the change by refinement
+ENOUGH = 0.25  # grid error at which the number of segments is sufficient, relative to half the 95 % interval
 
 
 class Shifts(NamedTuple):
@@ -152,8 +149,7 @@ def _unknown(error: FlexlinkError) -> Diagnostic:
 # Recorded motions.
 
 
-VERSIONS = 6
-"""Number of versions of the recorded angles with added noise."""
+VERSIONS = 6  # number of versions of the recorded angles with added noise
 
 
 def input_error(search: Search, best: Found, problem: FitProblem) -> Shifts:
@@ -229,8 +225,7 @@ def _sources(
 
 
 def _motions(run: FitRun) -> list[PrescribedMotion]:
-    given = run.set.get("motion", ())
-    return [PrescribedMotion(**one) if isinstance(one, Mapping) else one for one in given]
+    return [PrescribedMotion(**one) if isinstance(one, Mapping) else one for one in run.set.get("motion", ())]
 
 
 def _version(scene: Scene, motion: PrescribedMotion, by: float, rng: np.random.Generator | None) -> PrescribedMotion:

@@ -62,10 +62,7 @@ def doubts_of_times(scene: Scene, blocks: Sequence[Block], t: Array, hertz: floa
 
 
 def as_long(scene: Scene, t: Array, margin: float = 0.0) -> Scene:
-    """The scene with a run as long as the record, sampled at the same times if possible.
-
-    With a margin [s], the run is longer by the margin, and sampled more finely, for values between the samples.
-    """
+    """The scene with a run as long as the record, at its times if possible; with a `margin` [s] longer and finer."""
     finer = 4  # samples of the run per sample of the record, for times that are shifted
     between = float(np.median(np.diff(t))) / (finer if margin else 1)
     length = float(t[-1]) - scene.initial.time + margin

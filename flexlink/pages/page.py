@@ -19,10 +19,7 @@ DATA = Path(__file__).parent / "data"
 
 @functools.cache
 def template(path: Path, **filters: object) -> jinja2.Template:
-    """Return the template of a file; HTML templates may extend `page.html` and import macros from `elements.html`.
-
-    Templates are cached, because reading a template takes longer than rendering it.
-    """
+    """A file's template, cached; HTML templates may extend `page.html` and import macros from `elements.html`."""
     is_html = path.suffix == ".html"
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader([path.parent, DATA]),

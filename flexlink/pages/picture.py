@@ -72,10 +72,7 @@ class Picture:
 def picture_of(
     name: str, title: str, caption: str, axes: Sequence[Axes], across: str, columns: Mapping[str, Array]
 ) -> Picture:
-    """Picture of panels one above another, with the label `across` below and one legend above.
-
-    The columns of its CSV file may have different lengths; missing values are nan.
-    """
+    """Picture of panels above each other, with one label and one legend; short columns of its CSV file end in nan."""
     axes[-1].set_xlabel(across)
     legend_over(axes[0], figure=axes[0].figure)
     longest = max(map(len, columns.values()))

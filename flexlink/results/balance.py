@@ -37,8 +37,7 @@ def turned_over(energy: Array, work: Array, start: Array) -> Array:
     return np.asarray(energy[..., 0, :] + moved + np.abs(work))
 
 
-NOTHING = Allowance()
-"""Allowance of fixed steps, which is zero."""
+NOTHING = Allowance()  # allowance of fixed steps, which is zero
 
 
 class Balance:
@@ -85,8 +84,7 @@ def _bounds(chain: Chain, force: Array, insisted: bool, bend: float, near: float
     return Bounds(force, chain.weight * chain.size, SHARE, insisted, bend, near, *joints)
 
 
-WATCHED = Memo(64)
-"""Cache by chain layout: joints that bend, joints with limits, and driven joints that are not held."""
+WATCHED = Memo(64)  # cache by chain layout: joints that bend, joints with limits, and driven joints that are not held
 
 
 def _watched(chain: Chain) -> tuple[Indices, Indices, Indices]:

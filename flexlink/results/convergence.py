@@ -21,8 +21,7 @@ from flexlink.common.types import Array
 from flexlink.dynamics.vibration.modal import Modes
 from flexlink.results.tip_motion import largest_distance
 
-Level = tuple[float, Array]
-"""A level: number of hinges in each link, and the path of the tip (samples, 3) [m]."""
+Level = tuple[float, Array]  # a level: number of hinges in each link, and the path of the tip (samples, 3) [m]
 
 
 class Limit(NamedTuple):
@@ -78,17 +77,13 @@ def resolved(found: Modes, chain: Chain) -> tuple[bool, ...]:
     elastic = np.cumsum([kind == "elastic" for kind in found.kinds])
     return tuple(
         kind in {"pendulum", "rigid"}
-        or (kind == "elastic" and bool(rank <= springs / HINGES_A_HALF_WAVE) and _resolves(_in_phase(shape), chain))
+        or (kind == "elastic" and bool(rank <= springs / HINGES_A_HALF_WAVE) and _resolves(shape, chain))
         for kind, rank, shape in zip(found.kinds, elastic, found.shapes, strict=True)
     )
 
 
-def _in_phase(shape: NDArray[np.inexact]) -> Array:
-    real = np.asarray(np.real(shape), dtype=np.float64)
-    return real if np.abs(real).max() > 0 else np.asarray(np.imag(shape), dtype=np.float64)
-
-
-def _resolves(shape: Array, chain: Chain) -> bool:
+def _resolves(mode: NDArray[np.inexact], chain: Chain) -> bool:
+    shape = np.asarray(mode.real if mode.real.any() else mode.imag, dtype=np.float64)
     moments = chain.times("stiffness", shape)  # spring moments, which have the sign of the curvature
     energy = moments * shape
     for hinges in _lines(chain):

@@ -263,8 +263,7 @@ def check_delayed(delayed: NDArray[Any]) -> None:
 
 def check_chain(chain: Chain) -> None:
     """Refuse a chain with numbers that are not finite, or with parts that do not belong together, as ValueError."""
-    # fields that may be infinite
-    unlimited = {"lower", "upper"}
+    unlimited = {"lower", "upper"}  # fields that may be infinite
     forces = {name: chain.force(name) for name in FORCES}
     parts = {"bodies": chain.bodies, "hinges": chain.hinges, "axes": chain.described, **forces}
     for part, rows in parts.items():

@@ -38,8 +38,7 @@ def plot_trajectory(
     run: Trajectory, what: str | Sequence[str] | None = None, ax: Axes | Sequence[Axes] | None = None
 ) -> Figure:
     """Plot `panels` and columns of a run against time, as `Trajectory.plot` describes."""
-    # each curve of a legend has a different colour
-    colours = (*CYCLE, GREY, INK)
+    colours = (*CYCLE, GREY, INK)  # each curve of a legend has a different colour
     panel_height = 1.9  # [in]
     shown = _chosen(run, what)
     beside = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0), "borderaxespad": 0.0} if ax is None else {}
@@ -164,8 +163,7 @@ def _column(panel: Axes, run: Trajectory, name: str) -> None:
 
 def _curves(panel: Axes, run: RunSamples, joints: list[int], values: Array, label: str) -> None:
     """Plot one column of values per joint."""
-    # more entries do not fit next to a panel
-    legend_entries = 8
+    legend_entries = 8  # more entries do not fit next to a panel
     for place, k in enumerate(joints):
         name = run.chain.joint_name(k) if place < legend_entries else None
         panel.plot(run.t, values[:, place], label=name, linewidth=1.0)

@@ -24,8 +24,7 @@ from flexlink.results.samples import BaseMotion, State, StatedError, Steps
 from flexlink.results.tip_motion import checked_path, compared_path
 from flexlink.results.trajectory import Trajectory
 
-Arrays = tuple[Array, Array, Array]
-"""Angles q, rates q̇ and work W."""
+Arrays = tuple[Array, Array, Array]  # angles q, rates q̇ and work W
 
 
 def trajectory_from_states(problem: InitialValueProblem, t: Array, q: Array, qd: Array) -> Trajectory:

@@ -94,8 +94,7 @@ def _imported_links(
     """Yield the imported link of each part, from the base outward."""
     stops = [np.zeros(3)]  # end of the base and of each link, in the frame of its part
     for number, (part, beyond) in enumerate(zip(way.parts, way.beyond(), strict=True), 1):
-        rigid = _rigid(part, names[number], stops[part.parent], armature.get(part.joint.name, 0.0))
-        imported = ImportedLink(rigid)
+        imported = ImportedLink(_rigid(part, names[number], stops[part.parent], armature.get(part.joint.name, 0.0)))
         if part.link in flexible:
             try:
                 imported = bent(part, imported.link, flexible[part.link], beyond.p)

@@ -75,11 +75,8 @@ def known_arm(name: str) -> KnownArm:
     """Return the arm with this name."""
     arms = known_arms()
     if name not in arms:
-        raise ArgumentError(
-            f"robot = {truncated(name)}: no such file; known arms are {short_list(list(arms))}"
-            f"{did_you_mean(name, arms)}",
-            id="unknown-robot",
-        )
+        known = f"{short_list(list(arms))}{did_you_mean(name, arms)}"
+        raise ArgumentError(f"robot = {truncated(name)}: no such file; known arms are {known}", id="unknown-robot")
     return arms[name]
 
 

@@ -119,12 +119,12 @@ def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) ->
     of_material = flexible.section is not None and flexible.mass is None
     mass = flexible.material.density * volume if of_material else flexible.mass or 0.5 * largest
     if not 0 < mass < largest * (1 - 1e-6):  # at the largest mass, the remainder is a point or a needle
-        raise ArgumentError(
-            f"flexible: link {truncated(part.link)}: a beam of {mass:.4g} kg does not fit into the link's mass, "
-            f"{part.body.mass:.4g} kg, and inertia; at most {rounded_down(largest)} kg fits; give "
-            f"{'a smaller' if flexible.mass else 'a'} mass, a section that is lighter and thinner, or another line",
-            id="beam-heavier-than-link",
+        why = f"a beam of {mass:.4g} kg does not fit into the link's mass, {part.body.mass:.4g} kg, and inertia"
+        remedy = (
+            f"give {'a smaller' if flexible.mass else 'a'} mass, a section that is lighter and thinner, or another line"
         )
+        text = f"flexible: link {truncated(part.link)}: {why}; at most {rounded_down(largest)} kg fits; {remedy}"
+        raise ArgumentError(text, id="beam-heavier-than-link")
     root, end = cut(part.body, _prism(section, mass, line), _pose(line), line.length)
     link = msgspec.structs.replace(
         rigid, line=ends, up=flexible.up, flex=flexible.flex, segments=flexible.segments, lumping=flexible.lumping,
@@ -206,10 +206,7 @@ def largest_mass(link: SpatialInertia, beam: SpatialInertia) -> float:
 
 
 def cut(link: SpatialInertia, beam: SpatialInertia, line: Pose, length: float) -> tuple[SpatialInertia, SpatialInertia]:
-    """Return the remaining bodies at the root and at the end of the beam, in the link's frame.
-
-    The beam has less mass than `largest_mass`, and begins at `line`, with x along it.
-    """
+    """Return the remaining bodies at the root and the end of a beam along x of `line`, in the link's frame."""
     about = Pose(line.R, link.center)  # along the line, at the link's centre, where subtraction loses no digits
     whole, part = link.moved(about.inverse), beam.moved(about.inverse)
     rest = whole.moments - part.moments

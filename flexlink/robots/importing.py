@@ -290,10 +290,7 @@ def living_paths(
     robot: Robot, base: str | None, tip: str | Sequence[str] | None, posture: Mapping[str, float],
     locked: Mapping[str, float], *, free_base: bool, rotors: Collection[str],
 ) -> tuple[Paths, tuple[str, ...]]:  # fmt: skip
-    """Return the moving parts of a robot, and the joints that are fixed because nothing beyond them has inertia.
-
-    `rotors` are the joints with an armature. The other parameters are as in `paths`; `tip` None means all ends.
-    """
+    """The `paths`, and the joints fixed as nothing beyond them has inertia; `rotors` are joints with an armature."""
     still: dict[str, None] = {}
     while True:
         found = paths(robot, base, tip, posture, locked, free_base=free_base, still=still)
@@ -377,10 +374,7 @@ def _weight(joint: TreeJoint, body: SpatialInertia, gravity: Array) -> float:
 
 
 def clamped_frequency(scene: Scene, link: str) -> float:
-    """Return the first frequency [Hz] of a link clamped at its joint, in the initial configuration, without gravity.
-
-    Everything beyond the link is rigid.
-    """
+    """First frequency [Hz] of a link clamped at its joint, all beyond it rigid, at the start, without gravity."""
     chain = lump(scene.varied({"gravity": (0.0, 0.0, 0.0)}))
     number = scene.arm.number(link)
     q = np.zeros(chain.n)

@@ -31,21 +31,17 @@ class Mimic:
 
 @dataclasses.dataclass(frozen=True)
 class TreeJoint:
-    """A joint of a robot; `origin` is the frame of the link `child` in the frame of the link `parent`, at position 0.
-
-    `axis` is a unit vector in the child's frame. `limits` are positions [rad, m], or None. `damping` is in N m s/rad or
-    N s/m, `friction` in N m or N.
-    """
+    """A joint of a robot, between the links `parent` and `child`."""
 
     name: str
     kind: JointKind
     parent: str
     child: str
-    origin: Pose
-    axis: Array
-    limits: tuple[float, float] | None
-    damping: float
-    friction: float
+    origin: Pose  # frame of the child in that of the parent, at position 0
+    axis: Array  # unit vector in the child's frame
+    limits: tuple[float, float] | None  # positions [rad, m]
+    damping: float  # [N m s/rad, N s/m]
+    friction: float  # [N m, N]
     mimic: Mimic | None
 
     @property
@@ -97,10 +93,8 @@ class Robot:
             for key, link in (("parent", joint.parent), ("child", joint.child)):
                 if link not in self.links:
                     near = did_you_mean(link, self.links) or f"; links are {short_list(list(self.links))}"
-                    raise DataFileError(
-                        f"joint {truncated(joint.name)}: <{key} link> = {truncated(link)}: there is no such link{near}",
-                        id="link-missing-in-file",
-                    )
+                    why = f"<{key} link> = {truncated(link)}: there is no such link{near}"
+                    raise DataFileError(f"joint {truncated(joint.name)}: {why}", id="link-missing-in-file")
         _check_roots(self)
         _check_mimics(self)
 
@@ -112,11 +106,9 @@ class Robot:
             other = parents.setdefault(joint.child, joint)
             if other is not joint:
                 both = f"{truncated(other.name)} and {truncated(joint.name)}"
-                raise DataFileError(
-                    f"link {truncated(joint.child)} is the child of two joints, {both}; closed loops in files of "
-                    "robots are not supported: take one of the two joints out",
-                    id="closed-loop",
-                )
+                why = "closed loops in files of robots are not supported: take one of the two joints out"
+                child = f"link {truncated(joint.child)} is the child of two joints, {both}"
+                raise DataFileError(f"{child}; {why}", id="closed-loop")
         return parents
 
     @functools.cached_property

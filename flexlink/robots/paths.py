@@ -17,19 +17,14 @@ from flexlink.robots.kinematic_tree import Robot, TreeJoint, check_stated, posit
 
 @dataclasses.dataclass(frozen=True)
 class Part:
-    """The bodies that move with one free joint: its child link and everything rigidly attached to that link.
-
-    `parent` is the number of the parent part, from 1, or 0 for the base. `origin` is the frame of `link` at position 0
-    in the parent part's frame (fixed base: the root's frame; floating base: the frame of its link). `body` is in
-    the frame of `link`; `folded` names the other links of the part.
-    """
+    """The bodies that move with one free joint: its child link and everything rigidly attached to that link."""
 
     joint: TreeJoint
     link: str
-    parent: int
-    origin: Pose
-    body: SpatialInertia
-    folded: tuple[str, ...]
+    parent: int  # number of the parent part, from 1; 0 for the base
+    origin: Pose  # frame of `link` at position 0, in the parent part's frame; that of a fixed base is the root's
+    body: SpatialInertia  # in the frame of `link`
+    folded: tuple[str, ...]  # names of the other links of the part
 
 
 class Tip(NamedTuple):
@@ -50,17 +45,13 @@ class FreeBase(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Paths:
-    """The moving parts of a robot from the base outward, path by path, and the tips.
-
-    `positions` [rad, m] contains all joints of the robot. `held` names movable joints that are fixed and affect the
-    arm: joints before the base, and joints between links of one part. `free_base` is None for a fixed base.
-    """
+    """The moving parts of a robot from the base outward, path by path, and the tips."""
 
     base: str
     tips: tuple[Tip, ...]
     parts: tuple[Part, ...]
-    positions: Mapping[str, float]
-    held: tuple[str, ...]
+    positions: Mapping[str, float]  # of all joints of the robot [rad, m]
+    held: tuple[str, ...]  # movable joints that are fixed and affect the arm: before the base, or within one part
     free_base: FreeBase | None = None
 
     @functools.cached_property
@@ -165,19 +156,16 @@ def _way(robot: Robot, base: str, tips: Sequence[str] | None) -> list[TreeJoint]
 
 def _check_fit(joint: TreeJoint, span: str) -> None:
     """Check that a joint of a path can be a free joint of an arm."""
+    where = f"joint {truncated(joint.name)}, {span},"
     if joint.kind in {"floating", "planar"}:
         base = f"--base {joint.child}{' --free-base' * (joint.kind == 'floating')}"
-        raise ArgumentError(
-            f"joint {truncated(joint.name)}, {span}, is {joint.kind}; only hinges and slides can move: begin beyond "
-            f"it, for example with {base}, or name tips that are not beyond it",
-            id="joint-type-in-file",
-        )
+        remedy = f"begin beyond it, for example with {base}, or name tips that are not beyond it"
+        why = f"{where} is {joint.kind}; only hinges and slides can move: {remedy}"
+        raise ArgumentError(why, id="joint-type-in-file")
     if joint.mimic is not None:
-        raise ArgumentError(
-            f"joint {truncated(joint.name)}, {span}, mimics {truncated(joint.mimic.leader)}; it cannot move by itself: "
-            f"lock it, for example with --locked {joint.name}=0.0{'' if joint.turns else ' (m)'}",
-            id="mimic",
-        )
+        remedy = f"lock it, for example with --locked {joint.name}=0.0{'' if joint.turns else ' (m)'}"
+        why = f"{where} mimics {truncated(joint.mimic.leader)}; it cannot move by itself: {remedy}"
+        raise ArgumentError(why, id="mimic")
 
 
 def _parts(
@@ -221,10 +209,7 @@ def along(way: Sequence[TreeJoint], positions: Mapping[str, float]) -> Pose:
 def folded(
     robot: Robot, first: str, free: Collection[str], positions: Mapping[str, float]
 ) -> tuple[SpatialInertia, tuple[str, ...]]:
-    """Merge a link and everything beyond it that no free joint moves; also return the names of the other links.
-
-    The body is in the frame of the link. Each body is added to its parent, outermost first.
-    """
+    """Merge a link and everything beyond it that no free joint moves, in the link's frame; also return their names."""
     links = robot.outward(first, free)
     bodies = {link: robot.links[link] for link in links}
     for link in reversed(links[1:]):

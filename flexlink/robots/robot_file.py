@@ -37,24 +37,9 @@ def words() -> dict[str, str]:
 
 
 def read_robot(path: str | Path) -> Robot:
-    """Read a robot from a URDF file.
+    """Read a robot, in SI units and radians, from a URDF file; a xacro file must be expanded first.
 
-    Parameters
-    ----------
-    path
-        A URDF file; a xacro file must be expanded first.
-
-    Returns
-    -------
-    Robot
-        The robot in SI units and radians.
-
-    Raises
-    ------
-    ArgumentError
-        `path` is not a path.
-    DataFileError
-        The file is invalid; the message names the file, the link or joint, the value and what is allowed.
+    Errors name the file, the link or joint, the value and what is allowed.
     """
     path = require_path("path", path)
     if path.suffix.lower() in {".stl", ".obj", ".dae", ".step", ".stp", ".iges"}:

@@ -26,8 +26,7 @@ from flexlink.scene_report.study import Study
 
 FACTORS = (0.5, 2.0, 4.0)  # numbers of hinges of the other discretisations, as multiples of the scene's number
 
-ENOUGH = 0.01
-"""Largest acceptable model error, and largest uncertainty of the limit, as a fraction of the tip's travel."""
+ENOUGH = 0.01  # largest acceptable model error, and largest uncertainty of the limit, as a fraction of the tip's travel
 
 
 class Choice(NamedTuple):
@@ -196,20 +195,15 @@ class Refinement:
     def _choice(self, label: str, outcome: Outcome) -> Choice:
         n = outcome.run.chain.freedoms if outcome.run is not None else 0
         error = self.error(outcome.tip) if outcome.completed else math.nan
-        return Choice(label, n, self._steps_text(outcome), outcome, error, self.scale * outcome.seconds)
-
-    def _steps_text(self, outcome: Outcome) -> str:
-        if outcome.stepping.step is not None:
-            return f"{outcome.stepping.method}, {outcome.stepping.step:g} s"
         steps = outcome.run.steps if outcome.run is not None else None
-        return f"{steps.method}, {steps.taken} steps" if steps is not None else "by a tolerance"
+        stepping = f"{steps.method}, {steps.taken} steps" if steps is not None else "by a tolerance"
+        if outcome.stepping.step is not None:
+            stepping = f"{outcome.stepping.method}, {outcome.stepping.step:g} s"
+        return Choice(label, n, stepping, outcome, error, self.scale * outcome.seconds)
 
 
 def scaled(bend: Bend, factor: float) -> Bend:
-    """Return a link with this multiple of the hinges, which move one by one.
-
-    If the multiple is < 1, the number of hinges is the nearest that the link's rule accepts.
-    """
+    """Return a link with this multiple of the hinges, moving one by one; if < 1, the nearest that its rule accepts."""
     wanted = round(factor * bend.hinges)
     if factor < 1:
         nearest = sorted(range(bend.hinges, 0, -1), key=lambda count: abs(count - wanted))

@@ -12,7 +12,7 @@ from flexlink.common.notebook import builder
 from flexlink.data.documents import require_path
 from flexlink.describe.scene import Scene
 from flexlink.pages.verdict import Report
-from flexlink.scene_report.study import MEASURED, Study
+from flexlink.scene_report.study import Study
 
 
 def report(
@@ -73,8 +73,8 @@ def building() -> ModuleType:
 
 def _beside(against: str | Path) -> Path:
     path, arms = require_path("against", against), (".urdf", ".xml", ".mjcf", ".sdf")
-    if path.suffix.lower() not in (*arms, MEASURED):
-        why = f"against = {str(path)!r}: expected {', '.join(arms)}, or {MEASURED} of measurements"
+    if path.suffix.lower() not in (*arms, ".csv"):
+        why = f"against = {str(path)!r}: expected {', '.join(arms)}, or .csv of measurements"
         raise ArgumentError(why, id="wrong-type")
     if not path.is_file():
         raise ArgumentError(f"against = {str(path)!r}: there is no such file", id="no-such-file")

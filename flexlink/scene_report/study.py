@@ -22,8 +22,6 @@ from flexlink.motion.simulate import simulate
 from flexlink.results.tip_motion import tip_travel
 from flexlink.results.trajectory import Trajectory, deflections
 
-MEASURED = ".csv"  # file suffix of measurements
-
 
 @dataclasses.dataclass(frozen=True)
 class Study:
@@ -36,7 +34,7 @@ class Study:
     @property
     def measurements(self) -> bool:
         """Whether `against` is a file of measurements, not of an arm."""
-        return self.against is not None and self.against.suffix.lower() == MEASURED
+        return self.against is not None and self.against.suffix.lower() == ".csv"
 
     @cached_property
     def chain(self) -> Chain:

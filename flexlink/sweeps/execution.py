@@ -19,7 +19,6 @@ from flexlink.sweeps.workers import WorkerPool
 TASK_SECONDS = 0.5
 """Duration of a task [s]: much longer than its transfer, and short enough to repeat if the worker dies."""
 
-
 MAX_WORKER_DEATHS = 3
 """Number of crashes of a worker that runs only one member, after which the member's row reports the crash."""
 
@@ -28,11 +27,7 @@ Task = Future[tuple[list[Row], float]]
 
 
 class Execution:
-    """The tasks of a sweep.
-
-    A task that fails, or whose worker dies, is repeated alone and then in halves, until the responsible member is
-    found.
-    """
+    """The tasks of a sweep; one that fails, or whose worker dies, is repeated alone, then in halves, to find why."""
 
     def __init__(self, plan: Plan, pool: WorkerPool, stop: Stop) -> None:
         self.plan, self.pool, self.stop = plan, pool, stop
@@ -106,8 +101,7 @@ class Execution:
             raise EngineError(why, id="cluster-gone") from None
         except Exception as error:  # an error that a member causes
             return self._after_failure(numbers, f"{type(error).__name__}: {error}")
-        size = len(numbers) * TASK_SECONDS / max(seconds, 1e-6)
-        # number of members per task, so that it takes half a second
+        size = len(numbers) * TASK_SECONDS / max(seconds, 1e-6)  # number of members that take half a second
         self.size = int(min(size, 4 * len(numbers), 4096))  # grow slowly: the first task includes compilation
         if len(rows) < len(numbers) and not self.stop.requested:  # only the worker received a signal
             self.suspects.append(sorted({*numbers} - {row.number for row in rows}))

@@ -32,8 +32,7 @@ REDUCTIONS: Mapping[str, Callable[[Array, Array], Array]] = {
 }
 """Functions of the times t and a column x, shape (samples,), or of several runs, (runs, samples)."""
 
-DEFLECTION = "deflection [m]"
-"""Column of `deflections`: distance of the tip from its position with all springs at rest."""
+DEFLECTION = "deflection [m]"  # column of `deflections`: distance of the tip from its position with all springs at rest
 
 
 class SweepOutput(Spec, frozen=True):
@@ -73,13 +72,7 @@ class SweepOutput(Spec, frozen=True):
             raise SceneError(f"tolerance: missing; quantity {self.of!r} needs one [m]", id="missing-key")
 
     def measure(self, run: Trajectory) -> float:
-        """Compute this output of a run.
-
-        Raises
-        ------
-        FlexlinkError
-            The run has no such column, or no sample from `after` on; or its tip has no rest position.
-        """
+        """This output of a run; an error if the run has no such column, no sample in time, or no rest position."""
         if self.of in MEASURES:
             return float(MEASURES[self.of].value(self, run))
         return float(self._reduced(run.t, column_of(run, self.of)))

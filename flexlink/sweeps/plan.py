@@ -110,8 +110,7 @@ class Sweep(Spec, frozen=True):
             fields = {field.encode_name: field for field in fields_of(cls)}
             refuse_scene(raw, path, "a sweep plan")
             check_keys(raw, fields, required=("scene", "quantity"))
-            folder = path.parent
-            scene = scene_named(raw, folder)
+            folder, scene = path.parent, scene_named(raw, path.parent)
             for table, leaf in (("set", ()), ("grid", ("between",)), ("together", ("between",))):
                 if isinstance(raw.get(table), dict):
                     raw[table] = documents.with_absolute_paths(folder, dict(documents.paths_of(raw[table], leaf)))
@@ -125,20 +124,7 @@ class Sweep(Spec, frozen=True):
 
 
 class Plan:
-    """The members of a sweep, by number.
-
-    Attributes
-    ----------
-    sweep
-        The planned sweep.
-    members
-        Number of members.
-
-    Raises
-    ------
-    SceneError
-        An axis is empty or has an invalid value, a key varies twice, or two columns have the same name.
-    """
+    """The members of a sweep, by number; empty axes, invalid values, and keys or columns given twice are refused."""
 
     def __init__(self, sweep: Sweep) -> None:
         self.sweep = sweep

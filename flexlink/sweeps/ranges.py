@@ -56,11 +56,8 @@ class Range(Spec, frozen=True):
             why = f"step = {self.step!r}: has no effect with spacing = 'log'; use count instead"
             raise SceneError(why, id="range-of-values")
         if self.step is not None and (self.between[1] - self.between[0]) / self.step >= MAX_MEMBERS:
-            raise SceneError(
-                f"step = {self.step!r}: gives more than {MAX_MEMBERS} values between {list(self.between)}; use a "
-                "larger step",
-                id="range-of-values",
-            )
+            why = f"step = {self.step!r}: gives more than {MAX_MEMBERS} values between {list(self.between)}"
+            raise SceneError(f"{why}; use a larger step", id="range-of-values")
 
     def __len__(self) -> int:
         low, high = self.between
@@ -72,21 +69,18 @@ class Range(Spec, frozen=True):
         """Return number `k`, without a list of all numbers."""
         if not 0 <= k < len(self):
             raise IndexError(k)
-        number = self._number(k)
-        return round(number) if self.whole else number
-
-    def _number(self, k: int) -> float:
-        """Number `k` before rounding, as in `np.linspace` and `np.geomspace`."""
         low, high = self.between
+        last = len(self) - 1
         if self.step is not None:
-            return low + self.step * k
-        last = cast("int", self.count) - 1
-        if k in {0, last}:
-            return high if k else low
-        if self.spacing == "linear":
-            return k * ((high - low) / last) + low
-        first, end = np.log10([low, high]).tolist()
-        return float(np.power(10.0, k * ((end - first) / last) + first))
+            number = low + self.step * k
+        elif k in {0, last}:
+            number = high if k else low
+        elif self.spacing == "linear":  # as in `np.linspace`
+            number = k * ((high - low) / last) + low
+        else:  # as in `np.geomspace`
+            first, end = np.log10([low, high]).tolist()
+            number = float(np.power(10.0, k * ((end - first) / last) + first))
+        return round(number) if self.whole else number
 
 
 class Spread(Spec, frozen=True):
@@ -153,11 +147,8 @@ class RandomDesign(Spec, frozen=True):
         super().__post_init__()
         most = 1_000_000  # 8 MB per key in every worker, computed in a tenth of a second
         if self.method == "latin" and self.count > most:
-            raise SceneError(
-                f"count = {self.count}: a Latin hypercube has at most {most} members, since all are computed together; "
-                "use method = 'sobol' or 'random'",
-                id="range-of-values",
-            )
+            why = f"count = {self.count}: a Latin hypercube has at most {most} members, since all are computed together"
+            raise SceneError(f"{why}; use method = 'sobol' or 'random'", id="range-of-values")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -180,8 +171,7 @@ def together_axis(table: Mapping[str, Any]) -> Axis:
     lists = {key: _listed(f"together.{key}", value) for key, value in table.items()}
     counts = {key: len(values) for key, values in lists.items()}
     if len(set(counts.values())) > 1:
-        counted = truncated(counts)
-        why = f"together: lists of different lengths, {counted}; every key needs the same number of values"
+        why = f"together: lists of different lengths, {truncated(counts)}; every key needs the same number of values"
         raise SceneError(why, id="range-of-values")
     columns = list(lists.values())
     return Axis(tuple(lists), len(columns[0]), lambda k: tuple(values[k] for values in columns))
@@ -204,8 +194,7 @@ def _listed(path: str, values: Any) -> Range | list[Any]:
     if isinstance(values, dict):
         return decode(values, Range, path)
     if not isinstance(values, list | tuple):
-        got = truncated(values)
-        why = f"{path} = {got}: expected a list of values, or {{ between = [a, b], count = n }}"
+        why = f"{path} = {truncated(values)}: expected a list of values, or {{ between = [a, b], count = n }}"
         raise SceneError(why, id="range-of-values")
     if not values:
         raise SceneError(f"{path} = []: empty; a sweep needs at least one value for every key", id="empty")

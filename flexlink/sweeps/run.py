@@ -134,11 +134,9 @@ def preflight(plan: Plan) -> None:
         known = list(dict.fromkeys([*columns, *of_runs, DEFLECTION, *MEASURES]))
         for name, quantity in plan.sweep.quantity.items():
             if quantity.of not in known:
-                raise SceneError(
-                    f"quantity.{name}.of = {truncated(quantity.of)}: no such quantity; allowed are {', '.join(known)}"
-                    f"{did_you_mean(quantity.of, known)}",
-                    id="unknown-quantity",
-                )
+                allowed = f"allowed are {', '.join(known)}{did_you_mean(quantity.of, known)}"
+                why = f"quantity.{name}.of = {truncated(quantity.of)}: no such quantity; {allowed}"
+                raise SceneError(why, id="unknown-quantity")
     chain = lump(open_chain(plan.sweep.scene))
     for engine in plan.engines:
         with contextlib.suppress(ArgumentError):  # an unknown engine, or one that does not support this chain

@@ -33,12 +33,7 @@ LOCK_TIMEOUT = 1.0  # longest wait for a commit by another process [s]; a commit
 class Store:
     """Database of a sweep, open for writing; in memory if `path` is None.
 
-    Raises
-    ------
-    OutputError
-        The file cannot be written, is damaged or another kind of database, or another process writes to it.
-    ArgumentError
-        It contains the rows of another sweep.
+    A file that cannot be written, is damaged or not such a database, or has rows of another sweep, is refused.
     """
 
     def __init__(self, path: Path | None, plan: Plan, identity: Fingerprint, *, fresh: bool = False) -> None:
@@ -179,13 +174,7 @@ class Store:
 
 
 def _is_ours(db: sqlite3.Connection) -> bool:
-    """Whether a database is the database of a sweep; False for a new database.
-
-    Raises
-    ------
-    sqlite3.DatabaseError
-        It is a database of another program.
-    """
+    """Whether a database is the database of a sweep; False for a new one, an error for that of another program."""
     ours = bool(db.execute("PRAGMA application_id").fetchone()[0] == APPLICATION_ID)
     if not ours and db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
         raise sqlite3.DatabaseError("another program's database")

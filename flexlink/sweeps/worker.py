@@ -35,19 +35,11 @@ class Row(NamedTuple):
 
 
 def rows_of(text: bytes, theirs: str, numbers: Sequence[int]) -> tuple[list[Row], float]:
-    """Compute the rows of members, and the time that they take [s].
+    """Compute the rows of members, and the time that they take [s]; members that a signal interrupts have no row.
 
-    Parameters
-    ----------
-    text
-        The sweep, encoded by `msgspec.json`; each process decodes it once.
-    theirs
-        Version of flexlink that started the sweep; rows of different versions are not mixed.
-    numbers
-        Numbers of the members. Members that a signal interrupts have no row.
+    `text` is the sweep, encoded by `msgspec.json`; `theirs` is the version of flexlink that started it.
     """
-    # number of members to prepare together; their chains take a few megabytes
-    together = 512
+    together = 512  # number of members to prepare together; their chains take a few megabytes
     started = time.perf_counter()
     handshake(text, theirs)
     plan = plan_of(text)
@@ -101,8 +93,7 @@ def _ends(plan: Plan, numbers: Sequence[int], stop: Stop) -> list[Row | Outcome]
                 native[number] = scene
             else:
                 problem = problem_of(scene)
-                states = load(engine, problem.original).integrate(scene)
-                results[number] = trajectory_from_states(problem, *states)
+                results[number] = trajectory_from_states(problem, *load(engine, problem.original).integrate(scene))
         except FlexlinkError as error:
             results[number] = error
     block, values = None, []

@@ -72,15 +72,7 @@ def end_with(watched: Connection) -> None:
 
 
 class WorkerPool:
-    """An executor, and the function that replaces it.
-
-    Attributes
-    ----------
-    executor
-        The executor of tasks.
-    slots
-        Number of tasks that keep the executor busy.
-    """
+    """An executor of tasks, which `slots` tasks keep busy, and the function that replaces it."""
 
     def __init__(self, make: Callable[[], Executor], slots: int, *, again: bool = False) -> None:
         self.make, self.slots, self.again = make, slots, again
@@ -139,11 +131,7 @@ def _on_cluster(address: str) -> Iterator[WorkerPool]:
 def exit_when_closed(pipe: Connection | int) -> None:
     """End this process as soon as the other end of a pipe is closed, whatever Python code it is running.
 
-    The operating system closes that end when its owner ends, for whatever reason.
-
-    Parameters
-    ----------
-    pipe
-        This process's end of the pipe, or its file descriptor; nothing is ever sent through it.
+    `pipe` is this process's end, or its file descriptor; nothing is ever sent through it. The operating system closes
+    the other end when its owner ends, for whatever reason.
     """
     Thread(target=lambda: (wait([pipe]), os._exit(1)), daemon=True).start()

@@ -11,6 +11,7 @@ import tomllib
 import warnings
 from pathlib import Path
 from types import SimpleNamespace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -21,6 +22,8 @@ from flexlink.cli.main import build_parser, main
 from flexlink.cli.show import has_screen
 from flexlink.cli.terminal import announced
 from flexlink.describe import data_files
+from flexlink.formats import FORMATS
+from flexlink.identification.systematic import Grid
 from flexlink.motion import single_run as single
 from flexlink.scene_report.parts import vibration
 from flexlink.scene_report.study import Study
@@ -246,6 +249,12 @@ def test_help_of_a_command_describes_it_and_shows_valid_examples(command: str, c
     for example in examples.splitlines():
         assert example.startswith(f"  flexlink {command} ")
         build_parser().parse_args(shlex.split(example)[1:])
+
+
+def test_choices_of_options_are_all_that_the_library_knows() -> None:
+    options = tomllib.loads((ROOT / "flexlink" / "cli" / "options.toml").read_text("utf-8"))
+    assert options["export"]["--format"]["choices"] == [*FORMATS]
+    assert options["fit"]["--grid"]["choices"] == [*get_args(Grid)]
 
 
 @pytest.mark.slow

@@ -16,8 +16,7 @@ from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Vector3
 
-BRISK = 100.0
-"""Plausible angular acceleration of a rotor [rad/s²]."""
+BRISK = 100.0  # plausible angular acceleration of a rotor [rad/s²]
 
 
 def of_places(scene: Scene, about: Situation) -> Iterator[Diagnostic]:

@@ -14,8 +14,7 @@ from flexlink.describe.spec import Spec
 
 def of_materials(arm: Arm) -> Iterator[Diagnostic]:
     """Hints on modulus, density and damping of materials, except if only products such as EI are meaningful."""
-    # range of densities of metals, glass and stone, none of which is soft [kg/m³]
-    heavy = 2500.0, 23000.0
+    heavy = 2500.0, 23000.0  # range of densities of metals, glass and stone, none of which is soft [kg/m³]
     for name, material in arm.materials.items():
         path, E, ρ = f"material.{name}", material.young, material.density
         sections = [arm.sections[link.section] for link in arm.links if link.material == name and link.section]
@@ -117,22 +116,14 @@ def largest_dimension(section: Section) -> tuple[str, float]:
 class Range(Spec, frozen=True):
     """Plausible values of a quantity, and units that may have been used by mistake."""
 
-    unit: str
-    """SI unit of the number in the hint."""
-    range: tuple[float, float]
-    """Plausible range; a value outside triggers a hint."""
-    usual: tuple[float, float]
-    """Usual range: the value must be in it after the unit is corrected."""
-    reason: str
-    """Justification of the range."""
-    mistaken: dict[str, float]
-    """Conversion factor to SI of each unit that may have been used by mistake."""
-    of: str = ""
-    """Quantity and unit that the range applies to, if this is not the given number itself."""
-    inverse: str = ""
-    """If the inverse may have been given: both names for the hint, such as 'a sampling period in s, the rate'."""
-    remedy: str = "check its unit"
-    """End of the hint if no unit fits."""
+    unit: str  # SI unit of the number in the hint
+    range: tuple[float, float]  # plausible; a value outside triggers a hint
+    usual: tuple[float, float]  # the value must be in it after the unit is corrected
+    reason: str  # justification of the range
+    mistaken: dict[str, float]  # conversion factor to SI of each unit that may have been used by mistake
+    of: str = ""  # quantity and unit that the range applies to, if this is not the given number itself
+    inverse: str = ""  # if it may have been given: both names, such as 'a sampling period in s, the rate'
+    remedy: str = "check its unit"  # end of the hint if no unit fits
 
     def holds(self, value: float) -> bool:
         """Whether a value is plausible."""

@@ -20,8 +20,7 @@ from flexlink.describe import data_files
 from flexlink.describe.schemes import coefficients
 from flexlink.describe.spec import Spec
 
-CLOSE = Fraction(1, 10**15)
-"""Tolerance for sums of coefficients, which may be rounded decimals."""
+CLOSE = Fraction(1, 10**15)  # tolerance for sums of coefficients, which may be rounded decimals
 
 MOST_STAGES = 9
 """Largest number of stages of implicit methods; eigenvectors of A become too parallel (Gauss 9: condition 3e4)."""

@@ -24,8 +24,7 @@ Colour = Literal["moment", "strain"]
 STOPS = ("#1f0c94", "#6a00a8", "#9c179e", "#c5407e", "#e16462", "#f38748", "#fdb42f")
 """Colours from 0 to the largest value, interpolated linearly; suitable for colour-blind readers and in greyscale."""
 
-UNKNOWN = "#8a8f94"
-"""Colour of links without a value: links without a section and, if strain is shown, rigid links."""
+UNKNOWN = "#8a8f94"  # colour of links without a value: links without a section and, if strain is shown, rigid links
 
 
 class Colouring(NamedTuple):

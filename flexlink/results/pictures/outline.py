@@ -30,16 +30,13 @@ The load at the end comes from all bodies that are attached to the piece's body 
 
 
 class Outline(NamedTuple):
-    """Stations along the arm's links, from the base outward; body 0 is the base, and other bodies count from 1.
-
-    `across` is half the height and half the width of the section [m], both equal to the radius of a round section.
-    """
+    """Stations along the arm's links, from the base outward; body 0 is the base, and other bodies count from 1."""
 
     link: Whole  # (s,), number of each station's link, from 1
     body: Whole  # (s,), number of the body to which it belongs
     place: Array  # (s, 3), position in the body's frame [m]
     axes: Array  # (s, 2, 3), axes y and z of the section in the body's frame
-    across: Array  # (s, 2), half height and half width [m]; 0 for links without a section
+    across: Array  # (s, 2), half height and half width [m], of a round section its radius; 0 without a section
     round: NDArray[np.bool_]  # (s,), whether the section is round
     piece: Whole  # (s,), index into `pieces`
     part: Array  # (s,), fraction of the piece's length

@@ -145,9 +145,8 @@ def _in_time(about: Refinement) -> Picture | None:
     shown = max(0.3 * low, 1e-6 * top), 2 * max(top, about.limit.error)
     axes.set(yscale="log", ylim=shown, xlabel="time [s]", ylabel="tip error [m]")
     legend_over(axes, figure=figure)
-    csv = columns_csv(columns)
     caption = "Tip error along the run, relative to the converged model. Dashed: uncertainty of that model."
-    return Picture("convergence", "Convergence with the number of hinges", figure, caption, csv)
+    return Picture("convergence", "Convergence with the number of hinges", figure, caption, columns_csv(columns))
 
 
 def _prices(choices: Sequence[Choice]) -> Picture | None:
@@ -159,8 +158,7 @@ def _prices(choices: Sequence[Choice]) -> Picture | None:
     looks = ((INK, "*"), *zip((*CYCLE, GREY, INK, BLUE), (*MARKERS, "X", "<", ">"), strict=True))
     for place, one in enumerate(known):
         colour, marker = looks[place % len(looks)]
-        size = 7 if place else 11
-        axes.plot([one.seconds], [one.error], marker, color=colour, markersize=size, label=one.label)
+        axes.plot([one.seconds], [one.error], marker, color=colour, markersize=7 if place else 11, label=one.label)
     axes.set(xscale="log", yscale="log", xlabel="CPU time [s]", ylabel="tip error [m]")
     legend_over(axes, figure=figure)
     csv = table_csv(("choice", "CPU time [s]", "tip error [m]"), [(one.label, one.seconds, one.error) for one in known])

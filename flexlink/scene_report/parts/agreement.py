@@ -98,8 +98,7 @@ def _terms(diagnoses: Sequence[Diagnosis]) -> Table:
     lines = []
     for each in diagnoses:
         errors = {row.quantity: row.error for row in each.rows}
-        verdict = "agrees" if each.passed else "DIFFERS"
-        lines.append((engine_name(each.engine), *map(errors.get, quantities), verdict))
+        lines.append((engine_name(each.engine), *map(errors.get, quantities), "agrees" if each.passed else "DIFFERS"))
     heads = ("engine", *quantities, "verdict")
     return Table("terms", "Terms of the equation of motion: difference / rounding bound", heads, tuple(lines))
 

@@ -63,7 +63,6 @@ def _picture(study: Study) -> Picture:
     axes[-1].set(xlabel="time [s]", ylabel="energy error [J]")
     tidy_linear(axes[-1])
     columns |= {"work [J]": run.work, "imbalance [J]": run.imbalance}
-    csv = columns_csv(columns)
     middle = " Middle: elastic energy on a separate scale." if bends else ""
     caption = f"Top: change of the energies since the start, and work W done on the arm.{middle} Bottom: energy error."
-    return Picture("energy", "Energy balance", figure, caption, csv)
+    return Picture("energy", "Energy balance", figure, caption, columns_csv(columns))

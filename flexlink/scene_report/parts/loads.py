@@ -89,9 +89,8 @@ def _picture(study: Study, driven: list[int]) -> Picture:
     for panel in axes:
         legend_over(panel)
     axes[-1].set_xlabel("time [s]")
-    csv = columns_csv(columns)
     caption = "Bending moment at the root of each link" + ("; drive torques." if driven else ".")
-    return Picture("loads", "Loads over time", figure, caption, csv)
+    return Picture("loads", "Loads over time", figure, caption, columns_csv(columns))
 
 
 AT_ONCE = 500  # samples per batch, which limits the memory

@@ -12,9 +12,9 @@ from flexlink.data.measured import read_measured
 from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
 from flexlink.pages.numbers import number, percent
 from flexlink.pages.part import Part
-from flexlink.pages.picture import Picture
-from flexlink.pages.style import legend_over, stacked_axes
-from flexlink.pages.tables import Cell, Table, columns_csv
+from flexlink.pages.picture import Picture, picture_of
+from flexlink.pages.style import stacked_axes
+from flexlink.pages.tables import Cell, Table
 from flexlink.pages.verdict import Verdict
 from flexlink.scene_report.fitting import Comparison, Fit
 from flexlink.scene_report.study import Study
@@ -164,7 +164,5 @@ def _difference(study: Study, comparison: Comparison, best: Fit | None) -> Pictu
 def _finished(
     name: str, title: str, caption: str, figure: Figure, columns: dict[str, np.ndarray], best: Fit | None
 ) -> Picture:
-    figure.axes[-1].set_xlabel("time [s]")
-    legend_over(figure.axes[0], figure=figure)
     caption += f", also with fitted {best.number.what}." if best else "."
-    return Picture(name, title, figure, caption, columns_csv(columns))
+    return picture_of(name, title, caption, figure.axes, "time [s]", columns)
