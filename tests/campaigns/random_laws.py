@@ -24,7 +24,7 @@ from tests.support.touching import Touching
 
 MAKES = ("planar", "spatial", "tree", "slide", "tilted")
 LAWS = ("stop", "wall", "rope", "play", "gear", "spring", "bushing", "cylinder", "slider", "rod", "bump")
-MOST, EVALUATIONS = 60_000, 1e5  # evaluations of the truth; of a run
+MOST, EVALUATIONS = 400_000, 1e5  # evaluations of the truth; of a run
 
 
 class LawMaker(Maker):
