@@ -171,7 +171,7 @@ def of_each(
 
 
 def _compile(function: Callable[..., Any], **options: Any) -> Any:
-    options = {"nogil": True, **ARITHMETIC, **NO_C, **options}
+    options = {"nogil": True, "forceinline": False, **ARITHMETIC, **NO_C, **options}
     compiled = numba.njit(pipeline_class=KernelCompiler, **options)(function)
     if not numba.config.DISABLE_JIT:
         keep_on_disk(compiled)
