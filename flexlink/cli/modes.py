@@ -121,17 +121,19 @@ def run_command(options: argparse.Namespace) -> int:
     if options.count < 1:
         raise ArgumentError(f"--count = {options.count}: must be at least 1", id="out-of-range")
     with prefix_errors(options.scene):
-        chain = lump(scene)
+        chain = lump(open_chain(scene))
         names = {*chain.link_names, *chain.joint_names}
         locked = [int(name) if name.isdecimal() and name not in names else name for name in options.lock]
         wrench, frame = initial_wrench(scene, chain)
         posture = initial_state(scene, chain)[0]
         if options.rate:
+            refuse_ties(scene.tie, "--rate and ties together are not supported")
             rates, count = rates_of(chain, options.rate), options.count
             found = modes_in_motion(chain, rates, posture, tip_wrench=wrench, frame=frame, locked=locked, count=count)
             first = first_in_motion(found, options.rate)
         else:
-            found = modes(chain, posture, locked=locked, tip_wrench=wrench, frame=frame, count=options.count)
+            load = {"locked": locked, "tip_wrench": wrench, "frame": frame, "ties": scene}
+            found = modes(chain, posture, count=options.count, **load)
             first = first_elastic(elastic_hertz(scene, chain, posture))
     if options.json:
         options.document = {"scene": scene.name, "modes": as_document(found), "summary": first}

@@ -84,7 +84,7 @@ class SavedResult(Result):
         """
         arrays = read_archive(path)
         fields = dataclasses.fields(cls)  # type: ignore[arg-type]
-        needed = {field.name for field in fields if field.default is dataclasses.MISSING}
+        needed = {field.name for field in fields if field.default is field.default_factory is dataclasses.MISSING}
         if not needed <= arrays.keys() <= {field.name for field in fields}:
             why = f"{path}: contains no {cls.__name__}; expected a file written by {cls.__name__}.save"
             raise DataFileError(why, id="not-a-result")

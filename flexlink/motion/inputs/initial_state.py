@@ -14,10 +14,10 @@ from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.describe.joint_units import IN_METRES
 from flexlink.describe.scene import Scene
-from flexlink.dynamics.ties import Ties, closed
+from flexlink.dynamics.ties import Ties, closed, tie_rows
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.inputs.record import Inputs, MotionTable
-from flexlink.motion.inputs.actuation import inputs_with, wrench_at
+from flexlink.motion.inputs.actuation import input_arrays, inputs_with, wrench_at
 from flexlink.motion.inputs.drives import no_drive
 
 Rows = tuple[tuple[float, ...], ...]
@@ -31,7 +31,7 @@ def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
     ----------
     scene
         The scene. If initial.passive = "static", the hinges start bent by gravity and by the initial tip wrench, in
-        equilibrium with the joints fixed.
+        equilibrium with the joints fixed. Ties are closed; joints that no drive holds then move to the equilibrium.
     chain
         Its chain, from `lump`.
 
@@ -59,7 +59,9 @@ def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
     """
     require_type("scene", scene, Scene)
     require_type("chain", chain, Chain)
-    return state_under(inputs_with(no_drive(), scene, chain), scene, chain)
+    ties = tie_rows(scene, chain)
+    inputs = inputs_with(no_drive(), scene, chain) if ties is None else input_arrays(scene, chain)
+    return state_under(inputs, scene, chain, ties)
 
 
 def state_under(inputs: Inputs, scene: Scene, chain: Chain, ties: Ties | None = None) -> tuple[Array, Array]:
