@@ -108,8 +108,8 @@ def tied_state(
     exact, B = np.isinf(rows["stiffness"]), basis(chain, free)
     A = J[exact] @ B
     torque = load_torque(chain, q, qd, wrench, follower) + elastic_torque(chain, q) + J.T @ λ - tau
-    both = np.linalg.solve(restricted(mass_matrix(chain, q), chain, free), np.column_stack([B.T @ torque, A.T]))
-    λ[exact] = -np.linalg.lstsq(A @ both[:, 1:], A @ both[:, 0], rcond=1e-10)[0]
+    L = np.linalg.cholesky(restricted(mass_matrix(chain, q), chain, free))
+    λ[exact] = -np.linalg.lstsq(np.linalg.solve(L, A.T), np.linalg.solve(L, B.T @ torque), rcond=1e-9)[0]
     S = np.sqrt(sums_of_squares(np.abs(chain.stiffness) + largest_load_stiffness(chain, qd, wrench), chain, free))
     Z, kept = _allowed(A, np.where(S > 0.0, S, 1.0))
     if moves and not len(kept):
