@@ -15,12 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.chain.lumping import lump
+from flexlink.chain.lumping import lump, open_chain
 from flexlink.cli.shared import prefix_errors, require_picture, save_plot, varied_scene
 from flexlink.common.errors import ArgumentError, ConvergenceError
 from flexlink.common.notebook import drawing_module
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
+from flexlink.describe.tie import refuse_ties
 from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.dynamics.vibration.steady import first_elastic_frequency, modes_in_motion, steady_joint
 from flexlink.motion.inputs.actuation import initial_wrench
@@ -132,9 +133,11 @@ def run_command(options: argparse.Namespace) -> int:
             found = modes_in_motion(chain, rates, posture, tip_wrench=wrench, frame=frame, locked=locked, count=count)
             first = first_in_motion(found, options.rate)
         else:
-            load = {"locked": locked, "tip_wrench": wrench, "frame": frame, "ties": scene}
-            found = modes(chain, posture, count=options.count, **load)
-            first = first_elastic(elastic_hertz(scene, chain, posture))
+            found = modes(
+                chain, posture, locked=locked, tip_wrench=wrench, frame=frame, count=options.count, ties=scene
+            )
+            at_rest = first_elastic(elastic_hertz(scene, chain, posture)) if not scene.tie else ""
+            first = at_rest or first_in_motion(found, ["ties"])
     if options.json:
         options.document = {"scene": scene.name, "modes": as_document(found), "summary": first}
     else:

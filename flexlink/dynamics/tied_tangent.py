@@ -63,12 +63,14 @@ class TiedState(NamedTuple):
         square = np.abs(shapes @ self.J.T) ** 2
         return np.asarray(square @ self.k + rates * (square @ self.d))
 
-    def reduced(self, M: Array, C: Array, K: Stiffness, chain: Chain, free: Indices) -> tuple[Array, Array, Stiffness]:
-        """Zᵀ M Z, Zᵀ C Z and Zᵀ K Z with ties, from matrices (f, f) of the free coordinates without them."""
+    def reduced(
+        self, M: Array, C: Array, K: Stiffness, chain: Chain, free: Indices
+    ) -> tuple[Array, Array, Array, Stiffness]:
+        """Zᵀ M Z = L Lᵀ, L, Zᵀ C Z, Zᵀ K Z with ties, from matrices (f, f) of the free coordinates without them."""
         Z, own = self.Z, restricted(self.stiffness, chain, free)
         S = np.sqrt((Z**2).T @ K.S**2 + np.einsum("im,ij,jm->m", np.abs(Z), np.abs(own), np.abs(Z)))
-        C = Z.T @ (C + restricted(self.damping, chain, free)) @ Z
-        return Z.T @ M @ Z, C, K._replace(K=Z.T @ (K.K + own) @ Z, S=S)
+        M, C = Z.T @ M @ Z, Z.T @ (C + restricted(self.damping, chain, free)) @ Z
+        return M, scipy.linalg.cholesky(M, lower=True), C, K._replace(K=Z.T @ (K.K + own) @ Z, S=S)
 
     def slopes(self, free: ForwardDerivatives, M: Array, qdd: Array, B: Array) -> ForwardDerivatives:
         """∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX with ties, from those without them at T_EX − Jᵀ λ; all motions are δq = B δz.
@@ -137,7 +139,7 @@ def bends(ties: Ties, chain: Chain, q: Array) -> Array:
     """∂²g/∂q² (r, n, n) of all rows."""
     placed, found = forward_kinematics(chain.arrays, q), np.zeros((len(ties[0]), chain.n, chain.n))
     R, p = np.concatenate([placed.rotations, np.eye(3)[None]]), np.concatenate([placed.points, np.zeros((1, 3))])
-    for row, H in zip(ties[0], found, strict=True):
+    for k, row in enumerate(ties[0]):
         if row["kind"] == KIND.joint:
             continue
         a, b = row["a"], row["b"]
@@ -146,9 +148,9 @@ def bends(ties: Ties, chain: Chain, q: Array) -> Array:
         u = (p_a - p_b) / far if distance else u
         (e_a, v_a), (e_b, v_b) = _moves(chain, placed, a, p_a), _moves(chain, placed, b, p_b if distance else p_a)
         v = v_a - v_b
-        H += _bend(e_a, v_a, u) - _bend(e_b, v_b, u)
-        turned = cross(e_b, u) @ v.T  # u turns with body b
-        H += v @ (np.eye(3) - np.outer(u, u)) @ v.T / far if distance else turned + turned.T
+        turned = cross(e_b, u) @ v.T  # u turns with body b, or with the points
+        own = v @ (np.eye(3) - np.outer(u, u)) @ v.T / far if distance else turned + turned.T
+        found[k] = _bend(e_a, v_a, u) - _bend(e_b, v_b, u) + own
     return found
 
 

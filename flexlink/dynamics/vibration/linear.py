@@ -96,13 +96,13 @@ def linearize(
     qd, tau = (np.zeros(n) if part is None else vector(name, part, n) for name, part in (("qd", qd), ("tau", tau)))
     wanted = _checked(outputs)
     state = LoadedState(q, qd, wrench_vector(tip_wrench), turns_with_tip(frame), np.arange(n))
+    if ties is not None and not all(isinstance(each, str) for each in wanted):
+        refuse_ties(ties.tie, "sensors as outputs do not support ties")
     tied = tied_state(ties, chain, state, tau)
     acting = tau if tied is None else tau - tied.J.T @ tied.λ
     slopes = forward_dynamics_derivatives(chain, q, qd, acting, tip_wrench=tip_wrench, frame=frame)
     qdd = forward_dynamics(chain, q, qd, acting, tip_wrench=tip_wrench, frame=frame)
     if tied is not None:
-        if not all(isinstance(each, str) for each in wanted):
-            refuse_ties(ties.tie, "outputs of sensors and ties together are not supported")
         slopes = tied.slopes(slopes, mass_matrix(chain, q), qdd, all_motions(chain))
     return _model(chain, (q, qd, qdd, tau), slopes, wanted, tip_force, tied)
 

@@ -258,8 +258,7 @@ def _all(chain: Chain, state: LoadedState, tied: TiedState | None) -> Found:
     M, L = factored_mass(chain, q, free)
     K = tangent(chain, *state)
     if tied is not None:
-        M, C, K = tied.reduced(M, C, K, chain, free)
-        L = np.linalg.cholesky(M)
+        M, L, C, K = tied.reduced(M, C, K, chain, free)
 
     def load(shapes: NDArray[np.inexact]) -> NDArray[np.inexact]:
         loads = stiffness_matrix(chain, *state[:4]) - about(chain, q).matrix("stiffness")
@@ -341,7 +340,7 @@ def natural_frequencies(
 
 
 def relieved(
-    chain: Chain, q: Array, qd: Array, wrench: Array, frame: Frame, tied: TiedState | None
+    chain: Chain, q: Array, qd: Array, wrench: Array, frame: Frame, tied: TiedState | None = None
 ) -> tuple[Chain, Array]:
     """The chain with less lent inertia under the tension of a steady motion, and this inertia (n,) [kg m²]."""
     on, axis = hinge_bodies(chain), chain.hinges["axis"]
