@@ -177,7 +177,8 @@ class Tie(TieEnd, frozen=True, kw_only=True):
 
 
 def refuse_ties(
-    ties: Sequence[Tie], why: str = "only runs, solve_static, modes, linearize and initial_state support ties"
+    ties: Sequence[Tie],
+    why: str = "only simulate, Problem, Simulator, solve_static, modes and linearize support ties",
 ) -> None:
     """Refuse a scene with ties.
 

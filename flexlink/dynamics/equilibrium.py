@@ -28,7 +28,7 @@ from flexlink.dynamics.tangent import LoadedState, load_torque, stiffness_matrix
 from flexlink.dynamics.terms import elastic_torque
 from flexlink.dynamics.tied_equilibrium import tied_equilibrium
 from flexlink.dynamics.tied_motion import tie_forces
-from flexlink.dynamics.tied_tangent import refuse_rates, tied_state
+from flexlink.dynamics.tied_tangent import tied_state
 from flexlink.dynamics.ties import tie_rows
 from flexlink.kernels.derivatives.static_continuation import follow_equilibria
 
@@ -162,7 +162,6 @@ def _tied(scene: Scene, chain: Chain, state: LoadedState, frame: Frame, drive: A
     q, qd, wrench, follower, free = state
     rows = tie_rows(scene, chain)
     assert rows is not None
-    refuse_rates(qd)
     locked = np.setdiff1d(np.arange(chain.n), free)
     q = tied_equilibrium(rows, chain, q, locked, wrench, frame, scene.initial.time, drive)
     tied = tied_state(scene, chain, state._replace(q=q), drive, moves=False)

@@ -23,8 +23,9 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.derivatives import ForwardDerivatives
 from flexlink.dynamics.free_motion import basis, restricted, sums_of_squares
 from flexlink.dynamics.rounding import largest_load_stiffness
+from flexlink.dynamics.singularity import factored_mass
 from flexlink.dynamics.tangent import LoadedState, Stiffness, load_torque
-from flexlink.dynamics.terms import elastic_torque, mass_matrix
+from flexlink.dynamics.terms import elastic_torque
 from flexlink.dynamics.ties import Ties, gaps, tie_rows
 from flexlink.kernels.geometry.kinematics import KinematicsWork, forward_kinematics
 from flexlink.kernels.stepping.tie_rows import KIND, spring_forces
@@ -101,7 +102,8 @@ def tied_state(
     if scene is None or ties is None:
         return None
     q, qd, wrench, follower, free = state
-    refuse_rates(qd)
+    if qd.any():
+        raise ArgumentError("qd: ties is also given, for arms at rest; specify only one", id="both-given")
     rows, t = ties[0], scene.initial.time
     g, J, _ = gaps(ties, chain, q, t)
     still, λ, k = np.zeros((3, len(rows)))
@@ -110,19 +112,15 @@ def tied_state(
     exact, B = np.isinf(rows["stiffness"]), basis(chain, free)
     A = J[exact] @ B
     torque = load_torque(chain, q, qd, wrench, follower) + elastic_torque(chain, q) + J.T @ λ - tau
-    L = np.linalg.cholesky(restricted(mass_matrix(chain, q), chain, free))
-    λ[exact] = -np.linalg.lstsq(np.linalg.solve(L, A.T), np.linalg.solve(L, B.T @ torque), rcond=1e-9)[0]
+    L = factored_mass(chain, q, free)[1]
+    A_L, b = (scipy.linalg.solve_triangular(L, part, lower=True) for part in (A.T, B.T @ torque))
+    λ[exact] = -np.linalg.lstsq(A_L, b, rcond=1e-9)[0]
     S = np.sqrt(sums_of_squares(np.abs(chain.stiffness) + largest_load_stiffness(chain, qd, wrench), chain, free))
     Z, kept = _allowed(A, np.where(S > 0.0, S, 1.0))
     if moves and not len(kept):
-        raise ArgumentError("locked: the ties leave no motion; lock fewer joints", id="nothing-to-move")
+        why = "ties: no motion is left; lock fewer joints, or give a tie a stiffness"
+        raise ArgumentError(why, id="nothing-to-move")
     return TiedState(ties, J, exact, λ, k, d, bends(ties, chain, q), Z, kept)
-
-
-def refuse_rates(qd: Array) -> None:
-    """Refuse rates (n,), since ties are supported at rest only."""
-    if qd.any():
-        raise ArgumentError("qd: ties is also given, for arms at rest; specify only one", id="both-given")
 
 
 def _allowed(J: Array, S: Array) -> tuple[Array, Indices]:

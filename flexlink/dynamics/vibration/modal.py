@@ -26,14 +26,7 @@ from flexlink.common.types import Array, Complex
 from flexlink.common.wording import short_list
 from flexlink.describe.actions import Frame
 from flexlink.describe.scene import Scene
-from flexlink.dynamics.forces import (
-    about,
-    damping_matrix,
-    damping_slope,
-    linearised,
-    turns_with_tip,
-    world_wrench,
-)
+from flexlink.dynamics.forces import about, damping_matrix, damping_slope, linearised, turns_with_tip, world_wrench
 from flexlink.dynamics.free_motion import DENSE, expanded, restricted
 from flexlink.dynamics.loads import internal_loads
 from flexlink.dynamics.placement import frames, hinge_bodies
