@@ -4,7 +4,7 @@
 
 k and d are the slopes of the law of a spring that is valid at the posture: 0 in its free range, beyond it k and c |λ|.
 δy are coordinates of the arm, the stiffest that can be: ties then move joints rather than springs. For a point p of a
-body and its joints i and j, i not outboard of j, ∂²p/∂q_i ∂q_j = e_i × ∂p/∂q_j, or 0 if i slides.
+body and its joints i and j, i not outboard of j, ∂²p/∂q_i ∂q_j = ∂ω/∂q̇_i × ∂p/∂q_j.
 """
 
 from __future__ import annotations
@@ -22,12 +22,13 @@ from flexlink.common.types import Array, Indices
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.derivatives import ForwardDerivatives
 from flexlink.dynamics.free_motion import basis, restricted, sums_of_squares
+from flexlink.dynamics.placement import jacobian_columns
 from flexlink.dynamics.rounding import largest_load_stiffness
 from flexlink.dynamics.singularity import factored_mass
 from flexlink.dynamics.tangent import LoadedState, Stiffness, load_torque
 from flexlink.dynamics.terms import elastic_torque
 from flexlink.dynamics.ties import Ties, gaps, tie_rows
-from flexlink.kernels.geometry.kinematics import KinematicsWork, forward_kinematics
+from flexlink.kernels.geometry.kinematics import forward_kinematics
 from flexlink.kernels.stepping.tie_rows import KIND, spring_forces
 
 
@@ -140,11 +141,11 @@ def bends(ties: Ties, chain: Chain, q: Array) -> Array:
     for k, row in enumerate(ties[0]):
         if row["kind"] == KIND.joint:
             continue
-        a, b = row["a"], row["b"]
-        p_a, p_b, u = p[a] + R[a] @ row["point_a"], p[b] + R[b] @ row["point_b"], R[b] @ row["along"]
-        far, distance = float(np.linalg.norm(p_a - p_b)), row["kind"] == KIND.distance
-        u = (p_a - p_b) / far if distance else u
-        (e_a, v_a), (e_b, v_b) = _moves(chain, placed, a, p_a), _moves(chain, placed, b, p_b if distance else p_a)
+        a, b, distance = row["a"], row["b"], row["kind"] == KIND.distance
+        apart = p[a] + R[a] @ row["point_a"] - p[b] - R[b] @ row["point_b"]
+        far, on_b = float(np.linalg.norm(apart)), row["point_b"] + (0.0 if distance else R[b].T @ apart)
+        u = apart / far if distance else R[b] @ row["along"]
+        (e_a, v_a), (e_b, v_b) = _moves(chain, q, a, row["point_a"]), _moves(chain, q, b, on_b)
         v = v_a - v_b
         turned = cross(e_b, u) @ v.T  # u turns with body b, or with the points
         own = v @ (np.eye(3) - np.outer(u, u)) @ v.T / far if distance else turned + turned.T
@@ -152,16 +153,12 @@ def bends(ties: Ties, chain: Chain, q: Array) -> Array:
     return found
 
 
-def _moves(chain: Chain, placed: KinematicsWork, body: int, point: Array) -> tuple[Array, Array]:
-    """Axes e (n, 3) of the joints that turn a body, and ∂p/∂q (n, 3) of its point; 0 for all others."""
-    e, v = np.zeros((2, chain.n, 3))
-    while body >= 0:
-        own = slice(chain.bodies["first"][body], chain.bodies["stop"][body])
-        axes, slides = placed.axes[own], chain.slides[own, None]
-        e[own] = np.where(slides, 0.0, axes)
-        v[own] = np.where(slides, axes, cross(axes, point - placed.points[body]))
-        body = chain.bodies["parent"][body] - 1
-    return e, v
+def _moves(chain: Chain, q: Array, body: int, point: Array) -> Array:
+    """∂ω/∂q̇ of a body and ∂p/∂q of its point, given in its axes, (2, n, 3); 0 for frame 0."""
+    found = np.zeros((2, 3, chain.n))
+    if body >= 0:
+        jacobian_columns(chain)(int(body), np.array(point), q, found)
+    return found[::-1].swapaxes(1, 2)
 
 
 def _bend(e: Array, v: Array, u: Array) -> Array:

@@ -26,7 +26,7 @@ BARS = {
     "longest chain of imports": 34, "files that simulate imports": 149, "depth of simulate": 24,
 }  # fmt: skip
 COMPILES = "kernels compile in two thirds of the time, and a wheel has one archive for all processors"
-LOOPS = "ties: loops, cylinders, stops, ropes, in simulations, statics and modes; runs start from what earlier runs prepared"
+LOOPS = "ties: loops, cylinders, stops, ropes, in runs, statics and modes; runs start from what earlier runs prepared"
 RAISED = {
     "lines of contracts": (7, "fits, sweeps, reports, advice and robots call the library, not its kernels"),
     "classes": (8, f"{COMPILES}; {LOOPS}"), "constants": (23, f"{COMPILES}; {LOOPS}"),

@@ -214,7 +214,6 @@ def test_the_command_prints_modes_of_an_arm_with_ties(tmp_path: Path, capsys: py
     assert main(["modes", path]) == 0
     assert "1.1158" in capsys.readouterr().out
     assert main(["modes", path, "--rate", "l1=1rad/s"]) == 2
-    assert "--rate and ties" in capsys.readouterr().err
 
 
 def test_rates_and_sensors_with_ties_are_refused() -> None:
