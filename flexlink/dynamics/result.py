@@ -68,7 +68,8 @@ class SavedResult(Result):
             The file cannot be written.
         """
         path = archive_path(path)
-        write_whole(path, lambda temporary: write_archive(temporary, vars(self)))
+        fields = {name: np.array(part, str) if type(part) is tuple else part for name, part in vars(self).items()}
+        write_whole(path, lambda temporary: write_archive(temporary, fields))
         return path
 
     @classmethod
