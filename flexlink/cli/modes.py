@@ -14,12 +14,13 @@ from collections.abc import Iterable
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.chain.lumping import lump
+from flexlink.chain.lumping import lump, open_chain
 from flexlink.cli.shared import prefix_errors, require_picture, save_plot, varied_scene
 from flexlink.common.errors import ArgumentError, ConvergenceError
 from flexlink.common.notebook import drawing_module
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
+from flexlink.describe.tie import refuse_ties
 from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.dynamics.vibration.steady import first_elastic_frequency, modes_in_motion, steady_joint
 from flexlink.motion.inputs.actuation import initial_wrench
@@ -107,18 +108,22 @@ def run_command(options: argparse.Namespace) -> int:
     if options.count < 1:
         raise ArgumentError(f"--count = {options.count}: must be at least 1", id="out-of-range")
     with prefix_errors(options.scene):
-        chain = lump(scene)
+        chain = lump(open_chain(scene))
         names = {*chain.link_names, *chain.joint_names}
         locked = [int(name) if name.isdecimal() and name not in names else name for name in options.lock]
         wrench, frame = initial_wrench(scene, chain)
         posture = initial_state(scene, chain)[0]
         if options.rate:
+            refuse_ties(scene.tie, "--rate and ties together are not supported")
             rates, count = rates_of(chain, options.rate), options.count
             found = modes_in_motion(chain, rates, posture, tip_wrench=wrench, frame=frame, locked=locked, count=count)
             first = first_in_motion(found, options.rate)
         else:
-            found = modes(chain, posture, locked=locked, tip_wrench=wrench, frame=frame, count=options.count)
-            first = first_elastic(elastic_hertz(scene, chain, posture))
+            found = modes(
+                chain, posture, locked=locked, tip_wrench=wrench, frame=frame, count=options.count, ties=scene
+            )
+            at_rest = first_elastic(elastic_hertz(scene, chain, posture)) if not scene.tie else ""
+            first = at_rest or first_in_motion(found, ["ties"])
     if options.json:
         options.document = {"scene": scene.name, "modes": as_document(found), "summary": first}
     else:

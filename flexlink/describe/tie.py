@@ -73,8 +73,8 @@ class Tie(TieEnd, frozen=True, kw_only=True):
     A spring may act in one direction only, or beyond a `play`. It then presses with k δ (1 + c δ̇), δ > 0 the depth and
     c the `dissipation` (Hunt & Crossley 1975). Steps end where it begins or ceases to press.
 
-    `simulate`, `Problem` and `Simulator` take scenes with ties, by implicit methods such as Radau5; all other functions
-    refuse them.
+    `simulate`, `Problem` and `Simulator` take scenes with ties, by implicit methods such as Radau5; `solve_static`,
+    `modes` and `linearize` take them as `ties`, and all other functions refuse them.
 
     Examples
     --------
@@ -181,7 +181,10 @@ class Tie(TieEnd, frozen=True, kw_only=True):
         return (-math.inf, 0.0) if self.only == "pull" else (0.0, math.inf) if self.only == "push" else (-half, half)
 
 
-def refuse_ties(ties: Sequence[Tie], why: str = "only simulate, Problem and Simulator support ties") -> None:
+def refuse_ties(
+    ties: Sequence[Tie],
+    why: str = "only simulate, Problem, Simulator, simulate_many, sweep, solve_static, modes, linearize and to_mjcf support ties",
+) -> None:
     """Refuse a scene with ties.
 
     Raises

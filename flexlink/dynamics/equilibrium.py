@@ -18,13 +18,18 @@ from flexlink.common.memo import Memo
 from flexlink.common.types import Array
 from flexlink.common.wording import plural
 from flexlink.describe.actions import Frame
+from flexlink.describe.scene import Scene
 from flexlink.dynamics import rounding
 from flexlink.dynamics.forces import about, linearised, turns_with_tip
-from flexlink.dynamics.free_motion import DENSE, restricted
+from flexlink.dynamics.free_motion import DENSE, basis, restricted
 from flexlink.dynamics.load_path import Equations, LostError, equations_of, follow
 from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.tangent import LoadedState, load_torque, stiffness_matrix, unlocked
 from flexlink.dynamics.terms import elastic_torque
+from flexlink.dynamics.tied_equilibrium import tied_equilibrium
+from flexlink.dynamics.tied_motion import tie_forces
+from flexlink.dynamics.tied_tangent import tied_state
+from flexlink.dynamics.ties import tie_rows
 from flexlink.kernels.derivatives.static_continuation import follow_equilibria
 
 
@@ -48,6 +53,8 @@ class Equilibrium(SavedResult):
         Points (s, q) of all steps, shape (steps, 1 + n); s is the load factor.
     slides
         Mask of the sliding joints, shape (n,).
+    tie_names, tie_values
+        Name of the tie of each value, and the value, of `tie_forces`.
     """
 
     q: Array
@@ -56,6 +63,14 @@ class Equilibrium(SavedResult):
     stable: bool
     path: Array
     slides: NDArray[np.bool_]
+    tie_names: tuple[str, ...] = ()
+    tie_values: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def tie_forces(self) -> dict[str, Array]:
+        """Forces of ties by name [N, N m], with the signs of `Trajectory.tie_forces`: a number, or shape (3,)."""
+        names = np.array(self.tie_names)
+        return {name: self.tie_values[names == name].squeeze() for name in dict.fromkeys(self.tie_names)}
 
     def __repr__(self) -> str:
         turned, slid = (np.abs(self.q[which]).max(initial=0.0) for which in (~self.slides, self.slides))
@@ -71,6 +86,7 @@ class Equilibrium(SavedResult):
 def solve_static(
     chain: Chain, q: ArrayLike | None = None, qd: ArrayLike | None = None, tau: ArrayLike | None = None, *,
     tip_wrench: ArrayLike | None = None, frame: Frame = "world", locked: Joints = (), tolerance: float = 1e-9,
+    ties: Scene | None = None,
 ) -> Equilibrium:  # fmt: skip
     """Configuration in which gravity, springs, tip wrench and drive torque balance: T_GC(q, q̇) + T_FL(q) = T_EX.
 
@@ -95,6 +111,9 @@ def solve_static(
     tolerance
         Newton's method ends when its largest correction is below this value [rad], for sliding joints relative to the
         arm's length. The remaining error is of the order of this correction squared, or of rounding errors.
+    ties
+        Scene whose ties hold the chain, at `initial.time`; None: the open chain. With ties Newton's method under the
+        full load closes them, to rounding errors, and goes on to the next stable equilibrium.
 
     Returns
     -------
@@ -105,6 +124,8 @@ def solve_static(
     ------
     ArgumentError
         An argument has the wrong shape or is not finite, or `locked` names an unknown coordinate.
+    SceneError
+        The scene contains something that ties do not allow.
     ConvergenceError
         The path from q does not reach the full load. The error contains the configuration at the largest load reached.
 
@@ -122,7 +143,10 @@ def solve_static(
     rates = np.zeros(n) if qd is None else vector("qd", qd, n)
     free = unlocked(chain, locked)
     on_shapes(chain, "q", start - chain.rest)
-    equations = equations_of(chain, LoadedState(start, rates, wrench, follower, free), drive)
+    state = LoadedState(start, rates, wrench, follower, free)
+    if ties is not None and ties.tie:
+        return _tied(ties, chain, state, frame, drive)
+    equations = equations_of(chain, state, drive)
     posture, path = at_rest(equations, tolerance)
     end = np.append(1.0, posture) if chain.shapes is None else path[-1]
     holding = load_torque(chain, posture, rates, wrench, follower) + elastic_torque(chain, posture)
@@ -131,6 +155,25 @@ def solve_static(
         posture, holding, float(np.abs(equations.value(end)).max()), not equations.falls(end),
         np.array([np.append(x[0], equations.posture(x)) for x in path]), chain.slides,
     )  # fmt: skip
+
+
+def _tied(scene: Scene, chain: Chain, state: LoadedState, frame: Frame, drive: Array) -> Equilibrium:
+    """The `solve_static` of a chain with ties."""
+    q, qd, wrench, follower, free = state
+    rows = tie_rows(scene, chain)
+    assert rows is not None
+    locked = np.setdiff1d(np.arange(chain.n), free)
+    q = tied_equilibrium(rows, chain, q, locked, wrench, frame, scene.initial.time, drive)
+    tied = tied_state(scene, chain, state._replace(q=q), drive, moves=False)
+    assert tied is not None
+    holding = load_torque(chain, q, qd, wrench, follower) + elastic_torque(chain, q) + tied.J.T @ tied.λ
+    left = basis(chain, free).T @ (holding - drive)
+    holding[free] = drive[free]
+    forces = tie_forces(scene, rows, tied.λ[None])
+    names = tuple(name for name, force in forces.items() for _ in range(force[0].size))
+    values = np.concatenate([force.ravel() for force in forces.values()])
+    path = np.append(1.0, q)[None]
+    return Equilibrium(q, holding, float(np.abs(left).max()), True, path, chain.slides, names, values)
 
 
 def at_rest(equations: Equations, tolerance: float = 1e-9) -> tuple[Array, list[Array]]:

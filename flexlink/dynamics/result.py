@@ -68,7 +68,8 @@ class SavedResult(Result):
             The file cannot be written.
         """
         path = archive_path(path)
-        write_whole(path, lambda temporary: write_archive(temporary, vars(self)))
+        fields = {name: np.array(part, str) if type(part) is tuple else part for name, part in vars(self).items()}
+        write_whole(path, lambda temporary: write_archive(temporary, fields))
         return path
 
     @classmethod
@@ -84,7 +85,7 @@ class SavedResult(Result):
         """
         arrays = read_archive(path)
         fields = dataclasses.fields(cls)  # type: ignore[arg-type]
-        needed = {field.name for field in fields if field.default is dataclasses.MISSING}
+        needed = {field.name for field in fields if field.default is field.default_factory is dataclasses.MISSING}
         if not needed <= arrays.keys() <= {field.name for field in fields}:
             why = f"{path}: contains no {cls.__name__}; expected a file written by {cls.__name__}.save"
             raise DataFileError(why, id="not-a-result")

@@ -1,9 +1,9 @@
 """Equilibrium of an arm with ties: Newton's method for q and the multipliers λ of exact rows, dense.
 
-    T_GC(q) + T_FL(q) + Jᵀ λ = 0        on all coordinates that a drive does not hold
+    T_GC(q) + T_FL(q) + Jᵀ λ = T_EX     on all coordinates that are not held
     exact rows: g(q) = 0                springs: λ by their law at rest
 
-The matrix is K + Σ k Jᵀ J + Σ λ ∂J/∂q, bordered by J of the exact rows; ∂J/∂q by central differences.
+The matrix is K + Σ k Jᵀ J + Σ λ ∂J/∂q, bordered by J of the exact rows.
 """
 
 from __future__ import annotations
@@ -18,12 +18,17 @@ from flexlink.dynamics.forces import turns_with_tip
 from flexlink.dynamics.free_motion import basis
 from flexlink.dynamics.tangent import load_torque, stiffness_matrix
 from flexlink.dynamics.terms import elastic_torque
+from flexlink.dynamics.tied_tangent import bends
 from flexlink.dynamics.ties import Ties, gaps
 from flexlink.kernels.stepping.tie_rows import spring_forces
 
 
-def tied_equilibrium(ties: Ties, chain: Chain, q: Array, held: Indices, wrench: Array, frame: Frame, t: float) -> Array:
+def tied_equilibrium(
+    ties: Ties, chain: Chain, q: Array, held: Indices, wrench: Array, frame: Frame, t: float, tau: Array | float = 0.0
+) -> Array:
     """The equilibrium (n,) near q with these joints held, under a tip wrench (6,), at time t [s] of lengths that move.
+
+    `tau` (n,): drive torques T_EX [N m].
 
     Raises
     ------
@@ -39,9 +44,10 @@ def tied_equilibrium(ties: Ties, chain: Chain, q: Array, held: Indices, wrench: 
         g, J, _ = gaps(ties, chain, q, t)
         spring_forces(ties[0], g, np.zeros(len(g)), own, slopes)
         λ[~exact] = own[~exact]
-        torque = load_torque(chain, q, still, wrench, follower) + elastic_torque(chain, q) + J.T @ λ
+        torque = load_torque(chain, q, still, wrench, follower) + elastic_torque(chain, q) + J.T @ λ - tau
         K = stiffness_matrix(chain, q, still, wrench, follower) + J.T @ (slopes[:, None] * J)
-        reduced, border = B.T @ (K @ B + _turning(ties, chain, q, λ, t, B)), J[exact] @ B
+        K += np.tensordot(λ, bends(ties, chain, q), 1)
+        reduced, border = B.T @ K @ B, J[exact] @ B
         r, f, least = len(border), len(reduced), _least(reduced, border)
         stable = least > -1e-9 * np.abs(reduced).max(initial=0.0)
         if not stable:  # away from unstable equilibria
@@ -54,17 +60,10 @@ def tied_equilibrium(ties: Ties, chain: Chain, q: Array, held: Indices, wrench: 
         if stable and np.abs(change[:f]).max(initial=0.0) <= settled * max(1.0, chain.size):
             return np.asarray(q)
     raise ConvergenceError(
-        f"{chain.name}: initial.passive = 'static': no stable equilibrium of the tied arm near its start; give "
-        "initial.joint_deg nearer to it, let a drive hold more joints, or start with initial.passive = 'zero'",
+        f"{chain.name}: no stable equilibrium of the tied arm near its start; start nearer to it, or hold more joints; "
+        "a run starts anywhere with initial.passive = 'zero'",
         q=start, load=0.0, id="no-equilibrium",
     )  # fmt: skip
-
-
-def _turning(ties: Ties, chain: Chain, q: Array, λ: Array, t: float, B: Array) -> Array:
-    """∂(Jᵀ λ)/∂q B (n, f) at constant λ."""
-    nudge = 1e-6
-    pulls = [[gaps(ties, chain, q + side * nudge * along, t)[1].T @ λ for side in (1.0, -1.0)] for along in B.T]
-    return np.array([(ahead - back) / (2.0 * nudge) for ahead, back in pulls]).reshape(-1, chain.n).T
 
 
 def _least(K: Array, J: Array) -> float:

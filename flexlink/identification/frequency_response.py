@@ -27,9 +27,9 @@ from flexlink.data.measured import named
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
 from flexlink.dynamics.equilibrium import Equilibrium
-from flexlink.dynamics.sensors.outputs import SensorOutputs
 from flexlink.dynamics.vibration.linear import linearize
 from flexlink.dynamics.vibration.linear_model import LinearModel, OutputSource
+from flexlink.dynamics.vibration.sensor_outputs import SensorOutputs
 from flexlink.dynamics.vibration.steady import rest_of
 from flexlink.identification.problem import FitFrf
 from flexlink.motion.inputs.actuation import initial_wrench

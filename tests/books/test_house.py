@@ -27,12 +27,12 @@ BARS = {
 }  # fmt: skip
 COMPILES = "kernels compile in two thirds of the time, and a wheel has one archive for all processors"
 LOOPS = (
-    "ties: loops, cylinders, stops, ropes, also in MJCF; runs start from what earlier runs of their problem prepared"
+    "ties: loops, cylinders, stops, ropes, in runs, statics, modes and MJCF; runs start from what earlier runs prepared"
 )
 RAISED = {
     "lines of contracts": (7, "fits, sweeps, reports, advice and robots call the library, not its kernels"),
-    "classes": (7, f"{COMPILES}; {LOOPS}"), "constants": (23, f"{COMPILES}; {LOOPS}"),
-    "lines": (1140, f"{COMPILES}; {LOOPS}"), "files": (7, LOOPS), "files that simulate imports": (5, LOOPS),
+    "classes": (8, f"{COMPILES}; {LOOPS}"), "constants": (23, f"{COMPILES}; {LOOPS}"),
+    "lines": (620, f"{COMPILES}; {LOOPS}"), "files": (8, LOOPS), "files that simulate imports": (5, LOOPS),
 }  # fmt: skip
 """By how much a limit may be exceeded, and the reason."""
 HOPS = 8

@@ -10,9 +10,9 @@ from scipy.linalg import solve_continuous_are
 import flexlink as fl
 from flexlink import Chain, Damping, Joint, PrescribedMotion
 from flexlink.dynamics.equilibrium import Equilibrium
-from flexlink.dynamics.sensors.outputs import SensorOutputs
 from flexlink.dynamics.vibration.derived_models import slow_part
 from flexlink.dynamics.vibration.linear_model import LinearModel, graded
+from flexlink.dynamics.vibration.sensor_outputs import SensorOutputs
 from flexlink.errors import ArgumentError
 from tests.conftest import MODELS, flexible, make_scene
 from tests.support.words import refused

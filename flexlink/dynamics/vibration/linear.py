@@ -23,20 +23,24 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array, Complex
 from flexlink.describe.actions import Frame
+from flexlink.describe.scene import Scene
+from flexlink.describe.tie import refuse_ties
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.batches import is_batch, rows
 from flexlink.dynamics.derivatives import ForwardDerivatives, forward_dynamics_derivatives
-from flexlink.dynamics.free_motion import input_names, state_names
+from flexlink.dynamics.forces import turns_with_tip
+from flexlink.dynamics.free_motion import all_motions, input_names, state_names
 from flexlink.dynamics.placement import jacobian
-from flexlink.dynamics.tangent import load_torque
-from flexlink.dynamics.terms import elastic_torque
+from flexlink.dynamics.tangent import LoadedState, load_torque
+from flexlink.dynamics.terms import elastic_torque, mass_matrix
+from flexlink.dynamics.tied_tangent import TiedState, tied_state
 from flexlink.dynamics.vibration.linear_model import FILTER, OUTPUTS, LinearModel, Output, OutputSource
 
 
 def linearize(
     chain: Chain, q: ArrayLike, qd: ArrayLike | None = None, tau: ArrayLike | None = None, *,
     tip_wrench: ArrayLike | None = None, frame: Frame = "world", outputs: Sequence[str | OutputSource] = ("tip",),
-    tip_force: bool = False,
+    tip_force: bool = False, ties: Scene | None = None,
 ) -> LinearModel:  # fmt: skip
     """Linear model about any state, exact up to rounding, with springs, friction, gravity, rates and loads.
 
@@ -59,6 +63,9 @@ def linearize(
         sensors. Outputs are stacked in the given order. Filters of sensors append states; see also `delays`.
     tip_force
         Whether a force on the tip along x, y and z of frame 0, in addition to `tip_wrench`, is an input as well [N].
+    ties
+        Scene whose ties hold the chain, at `initial.time` and at rest; None: the open chain. The states are then
+        coordinates that describe the motion left by exact ties, with their rates; sensors are no outputs.
 
     Returns
     -------
@@ -69,7 +76,9 @@ def linearize(
     Raises
     ------
     ArgumentError
-        An argument has the wrong shape or is not finite, or there is no such output.
+        An argument has the wrong shape or is not finite, or there is no such output; or ties leave no motion.
+    SceneError
+        The scene contains something that ties do not allow.
     SingularMassError
         A joint has no inertia attached in this configuration.
 
@@ -86,9 +95,16 @@ def linearize(
     q = vector("q", q, n)
     qd, tau = (np.zeros(n) if part is None else vector(name, part, n) for name, part in (("qd", qd), ("tau", tau)))
     wanted = _checked(outputs)
-    slopes = forward_dynamics_derivatives(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame)
-    qdd = forward_dynamics(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame)
-    return _model(chain, (q, qd, qdd, tau), slopes, wanted, tip_force)
+    state = LoadedState(q, qd, wrench_vector(tip_wrench), turns_with_tip(frame), np.arange(n))
+    if ties is not None and not all(isinstance(each, str) for each in wanted):
+        refuse_ties(ties.tie, "sensors as outputs do not support ties")
+    tied = tied_state(ties, chain, state, tau)
+    acting = tau if tied is None else tau - tied.J.T @ tied.λ
+    slopes = forward_dynamics_derivatives(chain, q, qd, acting, tip_wrench=tip_wrench, frame=frame)
+    qdd = forward_dynamics(chain, q, qd, acting, tip_wrench=tip_wrench, frame=frame)
+    if tied is not None:
+        slopes = tied.slopes(slopes, mass_matrix(chain, q), qdd, all_motions(chain))
+    return _model(chain, (q, qd, qdd, tau), slopes, wanted, tip_force, tied)
 
 
 def linearize_many(
@@ -137,9 +153,9 @@ def linearize_many(
 
 def _model(
     chain: Chain, state: tuple[Array, Array, Array, Array], slopes: ForwardDerivatives,
-    wanted: Sequence[str | OutputSource], tip_force: bool,
+    wanted: Sequence[str | OutputSource], tip_force: bool, tied: TiedState | None = None,
 ) -> LinearModel:  # fmt: skip
-    """The model about a state q, q̇, q̈, T_EX."""
+    """The model about a state q, q̇, q̈, T_EX, with these ties."""
     (q, qd, qdd, tau), n = state, chain.n
     found = list[Output]()
     for each in wanted:
@@ -164,17 +180,22 @@ def _model(
     )  # fmt: skip
     unused = chain.internal
     if chain.shapes is not None:
-        model, unused = _by_shapes(model, chain, q), chain.shapes.first[unused]
+        unused = chain.shapes.first[unused]
+        model = _by_motions(model, chain.shapes.matrix, chain.shapes.inverse.T, chain.rest)
+    if tied is not None:
+        unused = np.flatnonzero(np.isin(tied.kept, unused))
+        model = _by_motions(model, tied.Z, np.eye(len(tied.Z))[tied.kept], np.zeros(len(tied.Z)))
+        names = np.array(state_names(chain)).reshape(2, -1)[:, tied.kept]
+        model = dataclasses.replace(model, states=(*names.ravel().tolist(), *states))
     return _without(model, unused) if len(unused) else model
 
 
-def _by_shapes(model: LinearModel, chain: Chain, q: Array) -> LinearModel:
-    """The model with coordinates z of the shapes, q = θ₀ + Φ z, in place of all angles and rates."""
-    assert chain.shapes is not None
-    n, Φ, back = chain.n, chain.shapes.matrix, chain.shapes.inverse.T
+def _by_motions(model: LinearModel, Φ: Array, back: Array, θ: Array) -> LinearModel:
+    """The model with coordinates z, q = θ + Φ z, in place of the n coordinates q and their rates; `back` Φ = 1."""
+    n = len(θ)
     filters = np.eye(len(model.x) - 2 * n)
     into, back = scipy.linalg.block_diag(Φ, Φ, filters), scipy.linalg.block_diag(back, back, filters)
-    x = model.x - np.concatenate([chain.rest, np.zeros(len(model.x) - n)])
+    x = model.x - np.concatenate([θ, np.zeros(len(model.x) - n)])
     return dataclasses.replace(
         model, A=back @ model.A @ into, B=back @ model.B, C=model.C @ into, x=back @ x, rate=back @ model.rate,
     )  # fmt: skip

@@ -25,7 +25,8 @@ from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.types import Array, Complex
 from flexlink.common.wording import short_list
 from flexlink.describe.actions import Frame
-from flexlink.dynamics.forces import about, damping_matrix, damping_slope, linearised, turns_with_tip
+from flexlink.describe.scene import Scene
+from flexlink.dynamics.forces import about, damping_matrix, damping_slope, linearised, turns_with_tip, world_wrench
 from flexlink.dynamics.free_motion import DENSE, expanded, restricted
 from flexlink.dynamics.loads import internal_loads
 from flexlink.dynamics.placement import frames, hinge_bodies
@@ -34,6 +35,8 @@ from flexlink.dynamics.rounding import largest_load_stiffness
 from flexlink.dynamics.singularity import factored_mass, idle_error
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.tangent import LoadedState, displacements, gyroscopic_matrix, stiffness_matrix, tangent, unlocked
+from flexlink.dynamics.tied_motion import tied_loads
+from flexlink.dynamics.tied_tangent import TiedState, tied_state
 from flexlink.dynamics.vibration import eigenproblem
 from flexlink.dynamics.vibration.eigenproblem import lowest
 
@@ -161,7 +164,7 @@ class Modes(SavedResult):
 
 def modes(
     chain: Chain, q: ArrayLike | None = None, qd: ArrayLike | None = None, *, tip_wrench: ArrayLike | None = None,
-    frame: Frame = "world", locked: Joints = (), count: int | None = None,
+    frame: Frame = "world", locked: Joints = (), count: int | None = None, ties: Scene | None = None,
 ) -> Modes:  # fmt: skip
     """Modes of small motion about a configuration, which should be an equilibrium (`solve_static`).
 
@@ -186,6 +189,9 @@ def modes(
     count
         Number of modes, slowest first; None: all. With more than 100 free coordinates a few modes are computed in O(n),
         as accurately as all modes unless damping or rotation couples them; then the relative error of λ is 1e-9.
+    ties
+        Scene whose ties hold the chain, at `initial.time`; None: the open chain. Exact ties restrict the motion, and
+        their forces balance the other torques at q; springs have their stiffness, or none in their free range.
 
     Returns
     -------
@@ -195,7 +201,9 @@ def modes(
     Raises
     ------
     ArgumentError
-        An argument has the wrong shape or is not finite, or `locked` names an unknown coordinate.
+        An argument has the wrong shape or is not finite, `locked` names an unknown coordinate, or ties leave no motion.
+    SceneError
+        The scene contains something that ties do not allow.
     SingularMassError
         A coordinate has no inertia attached in this configuration.
 
@@ -212,12 +220,12 @@ def modes(
     free = unlocked(chain, locked)
     refuse_states(chain, "modes do not support it", ", lock the joint, or use the eigenvalues of linearize", free=free)
     few = None if count is None else integer("count", count, 1)
-    chain, lent = relieved(chain, q, rates, wrench, frame)
     state = LoadedState(q, rates, wrench, follower, free)
-    found = None
-    if few is not None and len(free) > DENSE and 3 * few < len(free) and chain.shapes is None:
+    tied, found = tied_state(ties, chain, state), None
+    chain, lent = relieved(chain, q, rates, wrench, frame, tied)
+    if few is not None and len(free) > DENSE and 3 * few < len(free) and chain.shapes is None and tied is None:
         found = _lowest(chain, state, few)
-    (λ, vectors, rounding), load, entry = _all(chain, state) if found is None else found
+    (λ, vectors, rounding), load, entry = _all(chain, state, tied) if found is None else found
     λ, vectors, rounding = λ[:few], vectors[:, :few], rounding[:few]
     shapes = scaled(expanded(vectors, chain, free).T).T
     points = frames(chain, q).points
@@ -225,6 +233,7 @@ def modes(
     pairs, held = springs.couplings, springs.stiffness[free]
     together = 2 * (shapes[:, pairs["inner"]].conj() * shapes[:, pairs["outer"]]).real
     coupled = together @ pairs["stiffness"] + np.abs(λ) * (together @ pairs["damping"])
+    coupled = coupled if tied is None else coupled + tied.energies(shapes, np.abs(λ))
     square = np.abs(held) + largest_load_stiffness(chain, rates, wrench)[free]
     noise = entry * (np.abs(φ) ** 2 @ np.where(square > 0, square, 1.0))
     P = np.abs(np.einsum("mi,mi->m", φ.conj(), load(shapes)))
@@ -236,17 +245,22 @@ Found = tuple[eigenproblem.Solution, Callable[[NDArray[np.inexact]], NDArray[np.
 """Modes of the free coordinates, (K − k) φ as a function of mode shapes φ (modes, n), and the `rounding` of K."""
 
 
-def _all(chain: Chain, state: LoadedState) -> Found:
+def _all(chain: Chain, state: LoadedState, tied: TiedState | None) -> Found:
     q, qd, _, _, free = state
     C = restricted(gyroscopic_matrix(chain, q, qd) + damping_matrix(chain), chain, free)
     M, L = factored_mass(chain, q, free)
     K = tangent(chain, *state)
+    if tied is not None:
+        M, L, C, K = tied.reduced(M, C, K, chain, free)
 
     def load(shapes: NDArray[np.inexact]) -> NDArray[np.inexact]:
-        springs = about(chain, q).matrix("stiffness")
-        return shapes[:, free] @ (stiffness_matrix(chain, *state[:4]) - springs)[np.ix_(free, free)].T
+        loads = stiffness_matrix(chain, *state[:4]) - about(chain, q).matrix("stiffness")
+        loads = loads if tied is None else loads + tied.turning
+        return shapes[:, free] @ loads[np.ix_(free, free)].T
 
-    return eigenproblem.solve(M, L, C, K), load, K.rounding
+    found = eigenproblem.solve(M, L, C, K)
+    found = found if tied is None else found._replace(shapes=tied.Z @ found.shapes)
+    return found, load, K.rounding
 
 
 def _lowest(chain: Chain, state: LoadedState, count: int) -> Found | None:
@@ -318,14 +332,20 @@ def natural_frequencies(
 # it stays above them, as in plain bending. The exact value is 0, so that the modes of the arm become more accurate.
 
 
-def relieved(chain: Chain, q: Array, qd: Array, wrench: Array, frame: Frame) -> tuple[Chain, Array]:
+def relieved(
+    chain: Chain, q: Array, qd: Array, wrench: Array, frame: Frame, tied: TiedState | None = None
+) -> tuple[Chain, Array]:
     """The chain with less lent inertia under the tension of a steady motion, and this inertia (n,) [kg m²]."""
     on, axis = hinge_bodies(chain), chain.hinges["axis"]
     lent = np.where((axis == 1) | (axis == 2), chain.described["lent"][on], 0.0)
     hinges = np.flatnonzero(lent)
     if not len(hinges):
         return chain, lent
-    tension = internal_loads(chain, q, qd, np.zeros(chain.n), tip_wrench=wrench, frame=frame).N
+    still = np.zeros(chain.n)
+    tension = internal_loads(chain, q, qd, still, tip_wrench=wrench, frame=frame).N
+    if tied is not None:
+        at = world_wrench(chain, q, wrench, frame)[None]
+        tension = tied_loads(tied.ties, chain, (q[None], qd[None], still[None]), at, tied.λ[None]).N[0]
     bodies, links = chain.bodies.copy(), np.array([c.link if c.kind is Kind.HINGE else 0 for c in chain.coordinates])
     for k in hinges.tolist():
         i, a, pull = on[k], axis[k], tension[on[links == links[k]]].max()

@@ -31,7 +31,7 @@ def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
     ----------
     scene
         The scene. If initial.passive = "static", the hinges start bent by gravity and by the initial tip wrench, in
-        equilibrium with the joints fixed; if it has ties, they are closed.
+        equilibrium with the joints fixed. Ties are closed; joints that no drive holds then move to the equilibrium.
     chain
         Its chain, from `lump`.
 

@@ -14,12 +14,12 @@ from flexlink.chain.chain import Chain
 from flexlink.common.types import Array, Complex
 from flexlink.dynamics.free_motion import coordinates_of
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
-from flexlink.dynamics.sensors.outputs import SensorOutputs
 from flexlink.dynamics.tangent import load_torque
 from flexlink.dynamics.terms import elastic_torque
 from flexlink.dynamics.vibration.derived_models import Matrices
 from flexlink.dynamics.vibration.linear import linearize
 from flexlink.dynamics.vibration.linear_model import rates
+from flexlink.dynamics.vibration.sensor_outputs import SensorOutputs
 from flexlink.motion.inputs.actuation import wrench_at
 
 

@@ -1,0 +1,167 @@
+"""Small motion of an arm with ties about a posture at rest: δq = Z δy, where J Z = 0 for exact rows.
+
+    Zᵀ M Z δÿ + Zᵀ (D + Jᵀ d J) Z δẏ + Zᵀ (K + Jᵀ k J + Σ λ ∂J/∂q) Z δy = 0
+
+k and d are the slopes of the law of a spring that is valid at the posture: 0 in its free range, beyond it k and c |λ|.
+δy are coordinates of the arm, the stiffest that can be: ties then move joints rather than springs. For a point p of a
+body and its joints i and j, i not outboard of j, ∂²p/∂q_i ∂q_j = ∂ω/∂q̇_i × ∂p/∂q_j.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import ArgumentError
+from flexlink.common.products import cross
+from flexlink.common.types import Array, Indices
+from flexlink.describe.scene import Scene
+from flexlink.dynamics.derivatives import ForwardDerivatives
+from flexlink.dynamics.free_motion import basis, restricted, sums_of_squares
+from flexlink.dynamics.placement import jacobian_columns
+from flexlink.dynamics.rounding import largest_load_stiffness
+from flexlink.dynamics.singularity import factored_mass
+from flexlink.dynamics.tangent import LoadedState, Stiffness, load_torque
+from flexlink.dynamics.terms import elastic_torque
+from flexlink.dynamics.ties import Ties, gaps, tie_rows
+from flexlink.kernels.geometry.kinematics import forward_kinematics
+from flexlink.kernels.stepping.tie_rows import KIND, spring_forces
+
+
+class TiedState(NamedTuple):
+    """The ties of an arm at a posture at rest."""
+
+    ties: Ties
+    J: Array  # (r, n) of all rows
+    exact: NDArray[np.bool_]  # (r,)
+    λ: Array  # (r,) [N, N m]
+    k: Array  # (r,) slopes of λ of springs [N/m, N m/rad], and their dampers [N s/m, N m s/rad]; 0 for exact rows
+    d: Array
+    bends: Array  # (r, n, n) ∂J/∂q
+    Z: Array  # (f, m) motion of the free coordinates per unit of δy
+    kept: Indices  # (m,) the free coordinates that are y
+
+    @property
+    def turning(self) -> Array:
+        """Σ λ ∂J/∂q (n, n)."""
+        return np.tensordot(self.λ, self.bends, 1)
+
+    @property
+    def stiffness(self) -> Array:
+        """Jᵀ k J + Σ λ ∂J/∂q (n, n)."""
+        return self.J.T @ (self.k[:, None] * self.J) + self.turning
+
+    @property
+    def damping(self) -> Array:
+        """Jᵀ d J (n, n)."""
+        return self.J.T @ (self.d[:, None] * self.J)
+
+    def energies(self, shapes: NDArray[np.inexact], rates: Array) -> Array:
+        """φ* Jᵀ (k + |λ| d) J φ (modes,) of mode shapes (modes, n), with the eigenvalues' magnitudes `rates`."""
+        square = np.abs(shapes @ self.J.T) ** 2
+        return np.asarray(square @ self.k + rates * (square @ self.d))
+
+    def reduced(
+        self, M: Array, C: Array, K: Stiffness, chain: Chain, free: Indices
+    ) -> tuple[Array, Array, Array, Stiffness]:
+        """Zᵀ M Z = L Lᵀ, L, Zᵀ C Z, Zᵀ K Z with ties, from matrices (f, f) of the free coordinates without them."""
+        Z, own = self.Z, restricted(self.stiffness, chain, free)
+        S = np.sqrt((Z**2).T @ K.S**2 + np.einsum("im,ij,jm->m", np.abs(Z), np.abs(own), np.abs(Z)))
+        M, C = Z.T @ M @ Z, Z.T @ (C + restricted(self.damping, chain, free)) @ Z
+        return M, scipy.linalg.cholesky(M, lower=True), C, K._replace(K=Z.T @ (K.K + own) @ Z, S=S)
+
+    def slopes(self, free: ForwardDerivatives, M: Array, qdd: Array, B: Array) -> ForwardDerivatives:
+        """∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX with ties, from those without them at T_EX − Jᵀ λ; all motions are δq = B δz.
+
+        J δq̈ = −(∂J/∂q δq) q̈ holds for δq̈ = P δq̈⁰ − (1 − P) J⁺ (∂J/∂q q̈) δq, with P = Z (Zᵀ M Z)⁻¹ Zᵀ M.
+        """
+        N = B @ self.Z
+        P = N @ np.linalg.solve(N.T @ M @ N, N.T @ M)
+        bent = np.linalg.lstsq(self.J[self.exact] @ B, self.bends[self.exact] @ qdd, rcond=1e-10)[0]
+        G = B @ bent
+        dq, dqd = free.dq - free.dtau @ self.stiffness, free.dqd - free.dtau @ self.damping
+        return ForwardDerivatives(P @ (dq + G) - G, P @ dqd, P @ free.dtau)
+
+
+def tied_state(
+    scene: Scene | None, chain: Chain, state: LoadedState, tau: Array | float = 0.0, *, moves: bool = True
+) -> TiedState | None:
+    """The ties of a scene at a posture at rest, under drive torques (n,); None without ties. λ are those of q̈.
+
+    Raises
+    ------
+    ArgumentError
+        The state has rates, or the ties allow no motion, which `moves`.
+    SceneError
+        As in `tie_rows`.
+    """
+    ties = None if scene is None else tie_rows(scene, chain)
+    if scene is None or ties is None:
+        return None
+    q, qd, wrench, follower, free = state
+    if qd.any():
+        raise ArgumentError("qd: ties is also given, for arms at rest; specify only one", id="both-given")
+    rows, t = ties[0], scene.initial.time
+    g, J, _ = gaps(ties, chain, q, t)
+    still, λ, k = np.zeros((3, len(rows)))
+    spring_forces(rows, g, still, λ, k)
+    d = rows["damping"] + rows["dissipation"] * np.abs(λ)
+    exact, B = np.isinf(rows["stiffness"]), basis(chain, free)
+    A = J[exact] @ B
+    torque = load_torque(chain, q, qd, wrench, follower) + elastic_torque(chain, q) + J.T @ λ - tau
+    L = factored_mass(chain, q, free)[1]
+    A_L, b = (scipy.linalg.solve_triangular(L, part, lower=True) for part in (A.T, B.T @ torque))
+    λ[exact] = -np.linalg.lstsq(A_L, b, rcond=1e-9)[0]
+    S = np.sqrt(sums_of_squares(np.abs(chain.stiffness) + largest_load_stiffness(chain, qd, wrench), chain, free))
+    Z, kept = _allowed(A, np.where(S > 0.0, S, 1.0))
+    if moves and not len(kept):
+        why = "ties: no motion is left; lock fewer joints, or give a tie a stiffness"
+        raise ArgumentError(why, id="nothing-to-move")
+    return TiedState(ties, J, exact, λ, k, d, bends(ties, chain, q), Z, kept)
+
+
+def _allowed(J: Array, S: Array) -> tuple[Array, Indices]:
+    """Z (f, m) with J Z = 0, and the coordinates (m,) in which it is the identity; those with small S (f,) depend."""
+    r = int(np.linalg.matrix_rank(J, tol=1e-9)) if len(J) else 0
+    order = scipy.linalg.qr(J / S, mode="r", pivoting=True)[1] if r else np.arange(len(S))
+    first, kept = order[:r], np.sort(order[r:])
+    Z = np.eye(len(S))[:, kept]
+    Z[first] = -np.linalg.lstsq(J[:, first], J[:, kept])[0]
+    return Z, kept
+
+
+def bends(ties: Ties, chain: Chain, q: Array) -> Array:
+    """∂²g/∂q² (r, n, n) of all rows."""
+    placed, found = forward_kinematics(chain.arrays, q), np.zeros((len(ties[0]), chain.n, chain.n))
+    R, p = np.concatenate([placed.rotations, np.eye(3)[None]]), np.concatenate([placed.points, np.zeros((1, 3))])
+    for k, row in enumerate(ties[0]):
+        if row["kind"] == KIND.joint:
+            continue
+        a, b, distance = row["a"], row["b"], row["kind"] == KIND.distance
+        apart = p[a] + R[a] @ row["point_a"] - p[b] - R[b] @ row["point_b"]
+        far, on_b = float(np.linalg.norm(apart)), row["point_b"] + (0.0 if distance else R[b].T @ apart)
+        u = apart / far if distance else R[b] @ row["along"]
+        (e_a, v_a), (e_b, v_b) = _moves(chain, q, a, row["point_a"]), _moves(chain, q, b, on_b)
+        v = v_a - v_b
+        turned = cross(e_b, u) @ v.T  # u turns with body b, or with the points
+        own = v @ (np.eye(3) - np.outer(u, u)) @ v.T / far if distance else turned + turned.T
+        found[k] = _bend(e_a, v_a, u) - _bend(e_b, v_b, u) + own
+    return found
+
+
+def _moves(chain: Chain, q: Array, body: int, point: Array) -> Array:
+    """∂ω/∂q̇ of a body and ∂p/∂q of its point, given in its axes, (2, n, 3); 0 for frame 0."""
+    found = np.zeros((2, 3, chain.n))
+    if body >= 0:
+        jacobian_columns(chain)(int(body), np.array(point), q, found)
+    return found[::-1].swapaxes(1, 2)
+
+
+def _bend(e: Array, v: Array, u: Array) -> Array:
+    """u · ∂²p/∂q² (n, n)."""
+    H = e @ cross(v, u).T
+    return np.asarray(np.triu(H) + np.triu(H, 1).T)
