@@ -183,7 +183,7 @@ class Tie(TieEnd, frozen=True, kw_only=True):
 
 def refuse_ties(
     ties: Sequence[Tie],
-    why: str = "only simulate, Problem, Simulator, simulate_many, sweep, solve_static, modes, linearize and to_mjcf support ties",
+    why: str = "only simulate, simulate_many, sweep, Problem, Simulator, solve_static, modes, linearize support ties",
 ) -> None:
     """Refuse a scene with ties.
 

@@ -524,7 +524,7 @@ def test_all_other_functions_refuse_a_scene_with_ties() -> None:
     assert fl.lump(open_chain(scene)).n == run.chain.n
 
 
-def test_a_cylinder_that_becomes_too_long_is_told() -> None:
+def test_a_run_reports_a_cylinder_that_becomes_too_long() -> None:
     ends = {"times": [0.0, 0.4], "lengths": [1.0, 1.4], "to": {"point": [-0.2, 0.0, 0.0]}}  # at most 1.2 m is in reach
     cylinder = {"name": "cylinder", "kind": "distance", "link": "l2", **ends}
     scene = arm({"length": 0.4}, {"length": 0.6}, start=[40.0, -60.0], ties=[cylinder])

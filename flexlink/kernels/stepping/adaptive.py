@@ -74,7 +74,7 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
     # least: smallest fraction of a long step's tolerance: only a few steps, after a jump, are so short
     stepper, least, limited = work.stepper, 1e-3, absolute < math.inf and saturates(inputs.drive)
     switches = limited or ranges(work)
-    # A fixed step with ties ends at a switch, too, up to the error of its iteration.
+    # A fixed step with ties also ends at a switch, up to the error of its iteration.
     least_part = smallest if absolute < math.inf else 1e-6 * smallest
     for _ in range(most):
         t = stepper[STEPPER.time]
