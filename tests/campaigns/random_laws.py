@@ -18,12 +18,13 @@ import numpy as np
 import flexlink as fl
 from flexlink.describe.scene import Scene, scene_from
 from flexlink.dynamics.ties import tie_rows
-from tests.campaigns.random_ties import DURATION, FAST, SAMPLE, TOLERANCES, WRONG, Found, Maker, torque_of
+from tests.campaigns.random_ties import FAST, TOLERANCES, WRONG, Found, Maker, torque_of
 from tests.support.loops import TooHardError, placed, places
 from tests.support.touching import Touching
 
 MAKES = ("planar", "spatial", "tree", "slide", "tilted")
 LAWS = ("stop", "wall", "rope", "play", "gear", "spring", "bushing", "cylinder", "slider", "rod", "bump")
+DURATION, SAMPLE = 0.1, 0.05
 MOST, EVALUATIONS = 400_000, 1e5  # evaluations of the truth; of a run
 
 
@@ -41,7 +42,7 @@ class LawMaker(Maker):
         q = fl.initial_state(arm, chain)[0]
         number, limits = self.dice.one_of(1, 1, 2, 2, 3, 4), {}
         found = [self.law(f"t{k}", self.dice.one_of(*LAWS), (arm, chain, q), limits) for k in range(number)]
-        return arm.varied(limits | {"tie": found, "run.max_evaluations": EVALUATIONS})
+        return arm.varied(limits | {"tie": found, "run.max_evaluations": EVALUATIONS, "run.duration": DURATION})
 
     def law(self, name: str, law: str, at: tuple[Any, ...], limits: dict[str, Any]) -> dict[str, Any]:
         """A tie of a law that the posture may meet soon; limits of a joint that it needs are added to `limits`."""
