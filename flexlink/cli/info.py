@@ -18,15 +18,16 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import SPRINGS, Kind
-from flexlink.chain.lumping import lump
+from flexlink.chain.lumping import lump, open_chain
 from flexlink.cli.modes import as_document, elastic_hertz, first_elastic, print_modes
 from flexlink.cli.shared import prefix_errors, print_notes, varied_scene, with_ids
-from flexlink.common.types import Complex
+from flexlink.common.types import Array, Complex
 from flexlink.common.wording import plural, short_list
 from flexlink.describe import data_files
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
 from flexlink.dynamics.notes import defaults, notes
+from flexlink.dynamics.ties import independent_rows, number_of_rows
 from flexlink.dynamics.vibration.extremes import slowest_frequency
 from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.dynamics.vibration.stability import fastest_eigenvalues, stable_step_of
@@ -51,20 +52,21 @@ def run_command(options: argparse.Namespace) -> int:
             if found is not None:
                 print("structural damping in the initial configuration, with gravity:")
                 print_modes(scene, found, np.flatnonzero(found.eigenvalues.imag)[:4])
-            print_notes(scene)
+            print_notes(open_chain(scene))
     return 0
 
 
 def _examined(scene: Scene) -> tuple[dict[str, Any], Modes | None]:
     """The model at its start as plain data; its modes, whose time grows with the joints' cube, up to 300 joints."""
-    chain = lump(scene)
+    chain, tied = lump(open_chain(scene)), bool(scene.tie)
     q, _ = initial_state(scene, chain)
     if chain.n > 10_000:  # computing the largest eigenvalues takes more than a few seconds
         print(f"computing the fastest modes of {chain.n} joints …", file=sys.stderr)
-    λ, found = fastest_eigenvalues(chain, q), None
-    if chain.n <= 300:
+    found = None
+    if tied or chain.n <= 300:
         wrench, frame = initial_wrench(scene, chain)
-        found = modes(chain, q, tip_wrench=wrench, frame=frame)
+        found = modes(chain, q, tip_wrench=wrench, frame=frame, ties=scene)
+    λ = found.eigenvalues if found is not None and tied else fastest_eigenvalues(chain, q)
     slowest = slowest_frequency(chain, q) if found is None else float(2 * np.pi * found.first_elastic_hertz)
     bare = _without_structural_damping(chain)
     undamped = λ if bare is chain else fastest_eigenvalues(bare, q)
@@ -78,11 +80,12 @@ def _examined(scene: Scene) -> tuple[dict[str, Any], Modes | None]:
         ],
         "joints": [{"name": chain.joint_name(k), "description": _kind(chain, k)} for k in range(chain.n)],
         "sensors": list(column_names(scene.sensor, scene.arm)) if scene.sensor else [],
+        "ties": list(_ties(scene, chain, q)),
         "modes": [] if found is None else as_document(found),
-        "first_elastic_hz": elastic_hertz(scene, chain, q) if found is not None else None,
+        "first_elastic_hz": elastic_hertz(scene, chain, q) if found is not None and not tied else None,
         "fastest_eigenvalue_per_s": float(np.abs(λ).max()), "slowest_elastic_rad_per_s": slowest,
-        "stable_steps": list(_stable_steps(scene, chain, λ, undamped)),
-        "notes": with_ids((*defaults(scene), *notes(scene))),
+        "stable_steps": [] if tied else list(_stable_steps(scene, chain, λ, undamped)),
+        "notes": with_ids((*defaults(open_chain(scene)), *notes(open_chain(scene)))),
     }, None if bare is chain else found  # fmt: skip
 
 
@@ -113,16 +116,33 @@ def _show(about: Mapping[str, Any]) -> None:
         if hertz:
             print(f"{kind} frequencies in the initial configuration, joints free [Hz]: {some}")
     if about["modes"]:
-        print(first_elastic(about["first_elastic_hz"]))
+        print(_left_by_ties(about) or first_elastic(about["first_elastic_hz"]))
     fastest, slowest = about["fastest_eigenvalue_per_s"], about["slowest_elastic_rad_per_s"]
     if np.isfinite(slowest):
         ends = f"fastest eigenvalue {fastest:.4g} 1/s, slowest elastic mode {slowest:.4g} rad/s with free joints"
         print(f"stiffness ratio {fastest / slowest:.3g}: {ends}")
     if "run" in about:
         print(about["run"])
-    print("adaptive steps, the default, follow from the tolerance; largest stable fixed steps:")
+    if about["stable_steps"]:
+        print("adaptive steps, the default, follow from the tolerance; largest stable fixed steps:")
     for row in about["stable_steps"]:
         print(f"  {row['method']:<6} {_step_text(row)}")
+
+
+def _ties(scene: Scene, chain: Chain, q: Array) -> Iterator[dict[str, Any]]:
+    """Names, kinds and numbers of independent rows of ties."""
+    for tie, rows in zip(scene.tie, independent_rows(scene, chain, q), strict=True):
+        of, spring = number_of_rows(tie), tie.stiffness is not None
+        held = "spring" if spring else plural(of, "row") + (f", {of - rows} redundant" if rows < of else "")
+        yield {"name": tie.name, "kind": tie.kind, "independent_rows": rows, "about": f"({tie.kind}, {held})"}
+
+
+def _left_by_ties(about: Mapping[str, Any]) -> str:
+    """Degrees of freedom that ties leave, in words; empty without ties."""
+    ties, freedoms = about["ties"], about["degrees_of_freedom"]
+    left = freedoms - sum(tie["independent_rows"] for tie in ties)
+    each = ", ".join(f"{tie['name']} {tie['about']}" for tie in ties)
+    return f"ties leave {left} of {plural(freedoms, 'degree')} of freedom: {each}" if ties else ""
 
 
 def _kind(chain: Chain, k: int) -> str:

@@ -19,7 +19,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.sensor import Sensor
 from flexlink.describe.tie import Tie, TieEnd, refuse_ties
-from flexlink.dynamics.free_motion import basis
+from flexlink.dynamics.free_motion import all_motions, basis
 from flexlink.kernels.geometry.kinematics import kinematics_workspace
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.inputs.record import MotionTable, no_motion
@@ -136,6 +136,19 @@ def gaps(ties: Ties, chain: Chain, q: Array, t: float = 0.0) -> tuple[Array, Arr
     follow(lengths, t, *moved)
     find_rows(chain.arrays, rows, moved[0], q, kinematics_workspace(chain.arrays), g, J)
     return g, J, -moved[1]
+
+
+def independent_rows(scene: Scene, chain: Chain, q: Array) -> list[int]:
+    """Number of rows of each tie at angles q (n,) that do not depend on those of the ties before; 0 for springs."""
+    ties = tie_rows(scene, chain)
+    if ties is None:
+        return []
+    J, first, ranks = gaps(ties, chain, q, scene.initial.time)[1] @ all_motions(chain), 0, [0]
+    exact = np.isinf(ties[0]["stiffness"])
+    for tie in scene.tie:
+        first += number_of_rows(tie)
+        ranks.append(int(np.linalg.matrix_rank(J[:first][exact[:first]], tol=1e-9)) if exact[:first].any() else 0)
+    return np.diff(ranks).tolist()
 
 
 def closed(ties: Ties, chain: Chain, q: Array, qd: Array, t: float) -> tuple[Array, Array]:

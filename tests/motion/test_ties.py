@@ -167,6 +167,15 @@ def test_the_command_simulates_a_loop(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "final tip position: x = 1.1" in capsys.readouterr().out
 
 
+def test_the_command_info_names_what_ties_leave(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = str(fourbar().varied({"tie": [pin("l3", 1.1, 0.0, 0.0), rod(name="rope", length=0.9, stiffness=1e3)]}).save(
+        tmp_path / "fourbar.toml"
+    ))  # fmt: skip
+    assert main(["info", file]) == 0
+    left = "ties leave 1 of 3 degrees of freedom: pin (point, 3 rows, 1 redundant), rope (distance, spring)"
+    assert left in capsys.readouterr().out
+
+
 def test_a_tie_may_have_any_name() -> None:
     run = fl.simulate(fourbar().varied({"tie": [{**pin("l3", 1.1, 0.0, 0.0), "name": "t"}]}))
     assert run.kept
