@@ -67,7 +67,7 @@ def _on_bodies(rows: Rows, chain: Chain, q: Array, λ: Array) -> tuple[Array, Ar
         end, u = p[a] + R[a] @ row["point_a"], R[b] @ row["along"]
         if row["kind"] == KIND.distance:
             apart = end - p[b] - R[b] @ row["point_b"]
-            u = apart / np.linalg.norm(apart)
+            u = apart / (np.linalg.norm(apart) or np.inf)
         for body, pull in ((a, -multiplier * u), (b, multiplier * u)):  # both at the end on a, in line with the other
             force[body] += pull
             moment[body] += np.cross(end - p[body], pull)

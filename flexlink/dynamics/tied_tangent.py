@@ -143,7 +143,7 @@ def bends(ties: Ties, chain: Chain, q: Array) -> Array:
             continue
         a, b, distance = row["a"], row["b"], row["kind"] == KIND.distance
         apart = p[a] + R[a] @ row["point_a"] - p[b] - R[b] @ row["point_b"]
-        far, on_b = float(np.linalg.norm(apart)), row["point_b"] + (0.0 if distance else R[b].T @ apart)
+        far, on_b = float(np.linalg.norm(apart)) or np.inf, row["point_b"] + (0.0 if distance else R[b].T @ apart)
         u = apart / far if distance else R[b] @ row["along"]
         (e_a, v_a), (e_b, v_b) = _moves(chain, q, a, row["point_a"]), _moves(chain, q, b, on_b)
         v = v_a - v_b

@@ -62,7 +62,7 @@ def add_ties(root: ET.Element, chain: Chain, scene: Scene, *, timestep: float) -
     moved, first = np.zeros((3, len(ties[0]))), 0
     follow(ties[1], scene.initial.time, *moved)
     length = ties[0]["length"] + moved[0]
-    g, J, _ = gaps(ties, bare, np.zeros(bare.n), scene.initial.time)  # g = l₀ − l of distances; nan if l₀ = 0
+    g, J, _ = gaps(ties, bare, np.zeros(bare.n), scene.initial.time)  # g = l₀ − l of distances
     moves = np.abs(J).max(axis=1) > 1e-9 * bare.size
     joints, bodies = xml_joint_names(chain), _bodies(root, chain, bare)
     for tie in scene.tie:

@@ -168,7 +168,7 @@ def test_the_command_simulates_a_loop(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 def test_the_command_info_names_what_ties_leave(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = str(fourbar().varied({"tie": [pin("l3", 1.1, 0.0, 0.0), rod(name="rope", length=0.9, stiffness=1e3)]}).save(
+    file = str(fourbar().varied({"tie": [pin("l3", 1.1, 0.0, 0.0), rod(name="rope", length=0.9, stiffness=1e3, only="pull")]}).save(
         tmp_path / "fourbar.toml"
     ))  # fmt: skip
     assert main(["info", file]) == 0

@@ -51,7 +51,7 @@ def find_rows(chain, rows, length, q, placed, g, J):
         apart, with_b = sub(a, b), b
         if row.kind == KIND.distance:
             far = math.sqrt(dot(apart, apart))
-            u = scale(1.0 / far, apart)
+            u = scale(1.0 / far if far > 0.0 else 0.0, apart)  # ends that coincide have no direction
         else:
             u, with_b = vector(row.along), a  # u turns with body b, as does its point at a
             if row.b >= 0:
