@@ -48,7 +48,7 @@ class TieEnd(Spec, frozen=True):
     `axis`. Slider: the line on which the tie's point moves. Point: the only direction in which the tie acts, as of a
     wall."""
     rpy_deg: Annotated[Vector3 | None, measured_in("deg")] = None
-    """Weld: roll, pitch, yaw of the tie's link in axes of the link or of frame 0 [°]. Default: 0."""
+    """Weld: roll, pitch, yaw of the tie's link in axes of the link or of frame 0 [deg]. Default: 0."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

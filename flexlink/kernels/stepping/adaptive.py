@@ -74,8 +74,6 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
     # least: smallest fraction of a long step's tolerance: only a few steps, after a jump, are so short
     stepper, least, limited = work.stepper, 1e-3, absolute < math.inf and saturates(inputs.drive)
     switches = limited or ranges(work)
-    # A fixed step with ties also ends at a switch, up to the error of its iteration.
-    least_part = smallest if absolute < math.inf else 1e-6 * smallest
     for _ in range(most):
         t = stepper[STEPPER.time]
         knot = next_knot(t, stepper[STEPPER.step], knots, count)
@@ -95,9 +93,9 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
                 return OUTCOME.stuck
             continue
         left_branch = first_switch(t, h, inputs.drive, state, work) if switches else NEVER
-        near = OF_A_SWITCH * long_error if absolute < math.inf else accurate
+        near = OF_A_SWITCH * long_error if absolute < math.inf else accurate  # a fixed step with ties also ends there
         if left_branch < 1.0 and ends_at_switch(
-            left_branch, t, h, least_part, duration, near, inputs.drive, state, work
+            left_branch, t, h, min(smallest, 1e-6 * largest), duration, near, inputs.drive, state, work
         ):
             count[COUNT.rejected] += 1
             continue
