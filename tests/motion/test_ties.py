@@ -176,7 +176,6 @@ def test_the_command_info_names_what_ties_leave(tmp_path: Path, capsys: pytest.C
     assert main(["info", file, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert [tie["independent_rows"] for tie in found["ties"]] == [2, 0]
-    assert [tie["about"] for tie in found["ties"]] == ["(point, 3 rows, 1 redundant)", "(distance, spring)"]
 
 
 def test_a_tie_may_have_any_name() -> None:
@@ -542,7 +541,8 @@ def test_a_run_reports_a_cylinder_that_becomes_too_long() -> None:
     scene = arm({"length": 0.4}, {"length": 0.6}, start=[40.0, -60.0], ties=[cylinder])
     with pytest.raises(fl.errors.DivergenceError, match="'cylinder'"):
         fl.simulate(scene)
-    assert fl.simulate(scene.varied({"tie.cylinder.stiffness": 1e5, "tie.cylinder.damping": 100.0})).kept
+    spring = {"tie.cylinder.stiffness": 1e5, "tie.cylinder.damping": 100.0}
+    assert fl.simulate(scene.varied(spring)).kept
 
 
 def test_steps_after_a_failed_one_begin_with_the_multipliers_of_the_last_good_one() -> None:

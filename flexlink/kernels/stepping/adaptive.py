@@ -93,10 +93,10 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
                 return OUTCOME.stuck
             continue
         left_branch = first_switch(t, h, inputs.drive, state, work) if switches else NEVER
-        near = OF_A_SWITCH * long_error if absolute < math.inf else accurate  # a fixed step with ties also ends there
-        if left_branch < 1.0 and ends_at_switch(
-            left_branch, t, h, min(smallest, 1e-6 * largest), duration, near, inputs.drive, state, work
-        ):
+        if left_branch < 1.0 and ends_at_switch(  # also a fixed step, if it has ties
+            left_branch, t, h, min(smallest, 1e-6 * largest), duration,
+            OF_A_SWITCH * long_error if absolute < math.inf else accurate, inputs.drive, state, work,
+        ):  # fmt: skip
             count[COUNT.rejected] += 1
             continue
         off = off_inside(t, h, long_error, inputs, state, knots, count, samples, work)
