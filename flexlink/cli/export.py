@@ -52,7 +52,7 @@ def run_command(options: argparse.Namespace) -> int:
                 raise ArgumentError(why, id="would-overwrite")
             with prefix_errors(path):
                 notes += _missing(target, scene, chain, name, strict=options.strict)
-                more = {"initial": state, "ties_of": scene} if FORMATS[name].keyframe else {}
+                more = {"initial": state, "ties": scene} if FORMATS[name].keyframe else {}
                 texts[target] = FORMATS[name].write(chain, **more)
     for path in texts:
         make_folder(path.parent)

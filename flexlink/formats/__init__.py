@@ -15,7 +15,7 @@ class Format(NamedTuple):
     write: Callable[..., str]  # chain → text
     read: Callable[..., Chain] | None  # text written by `write` → chain; None: MuJoCo reads the file
     ending: str  # suffix of file names
-    keyframe: bool = False  # whether `write` also accepts the state `initial` and `ties_of` a scene
+    keyframe: bool = False  # whether `write` also accepts the state `initial`, and a scene as `ties`
 
 
 FORMATS = {

@@ -55,7 +55,7 @@ USER_FIELDS = sorted(
 
 def to_mjcf(
     chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, ArrayLike] | None = None,
-    timestep: float | None = None, ties_of: Scene | None = None,
+    timestep: float | None = None, ties: Scene | None = None,
 ) -> str:  # fmt: skip
     """Write a chain as MJCF.
 
@@ -69,7 +69,7 @@ def to_mjcf(
         q and q̇ of the keyframe `initial`, shape (n,) each [rad, rad/s; m, m/s]; None: no keyframe.
     timestep
         Time step of MuJoCo [s]; None: half the largest stable step of RK4 of a slightly bent arm, at most 2 ms.
-    ties_of
+    ties
         The scene of the chain, whose ties are written, by equalities and tendons; None: the arm is open.
 
     Returns
@@ -133,10 +133,10 @@ def to_mjcf(
         ET.SubElement(motors, "motor", name=joints[k], joint=joints[k])
     if initial is not None:
         _keyframe(ET.SubElement(root, "keyframe"), chain, initial)
-    step = _safe_step(chain, ties_of, initial) if timestep is None else positive("timestep", timestep)
+    step = _safe_step(chain, ties, initial) if timestep is None else positive("timestep", timestep)
     option.set("timestep", decimals([step]))
-    if ties_of is not None:
-        add_ties(root, chain, ties_of, timestep=step)
+    if ties is not None:
+        add_ties(root, chain, ties, timestep=step)
     return document.text(root)
 
 
@@ -257,7 +257,7 @@ def _exact(own: ET.Element, name: str, *values: float) -> None:
     ET.SubElement(own, "numeric", name=f"flexlink.{name}", data=decimals(values))
 
 
-def _safe_step(chain: Chain, ties_of: Scene | None, initial: tuple[ArrayLike, ArrayLike] | None) -> float:
+def _safe_step(chain: Chain, ties: Scene | None, initial: tuple[ArrayLike, ArrayLike] | None) -> float:
     """Return half the largest stable RK4 step, rounded down to one digit, at most MuJoCo's default of 2 ms.
 
     It is computed for a slightly bent arm, with ties for the initial state. Most flexible links diverge with 2 ms.
@@ -265,9 +265,9 @@ def _safe_step(chain: Chain, ties_of: Scene | None, initial: tuple[ArrayLike, Ar
     from flexlink.dynamics.vibration.stability import stable_step  # noqa: PLC0415  only if no step is given
 
     q, gains = chain.slightly_bent, None
-    if ties_of is not None and ties_of.tie:
+    if ties is not None and ties.tie:
         q = q if initial is None else np.asarray(initial[0])
-        gains = spring_gains(ties_of, q)
+        gains = spring_gains(ties, q)
     step = min(2e-3, stable_step(chain, q, gains=gains, method="RK4") / 2)
     digit = 10.0 ** math.floor(math.log10(step))
     return float(f"{math.floor(step / digit) * digit:.0e}")

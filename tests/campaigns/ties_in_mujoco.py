@@ -67,7 +67,7 @@ def given(scene: fl.Scene, chain: fl.Chain) -> Torque:
 def in_mujoco(problem: fl.Problem, q: np.ndarray, qd: np.ndarray, h: float) -> np.ndarray:
     """Angles (samples, n) of a run in MuJoCo with a step h."""
     scene, chain = problem.scene, problem.chain
-    model = mujoco.MjModel.from_xml_string(fl.to_mjcf(chain, initial=(q, qd), timestep=h, ties_of=scene))
+    model = mujoco.MjModel.from_xml_string(fl.to_mjcf(chain, initial=(q, qd), timestep=h, ties=scene))
     data, torque = mujoco.MjData(model), given(scene, chain)
     order = np.array([model.joint(name).qposadr[0] for name in chain.joint_names])
     mujoco.mj_resetDataKeyframe(model, data, 0)

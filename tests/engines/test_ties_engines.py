@@ -63,7 +63,7 @@ def by_pinocchio(start: Start) -> np.ndarray:
 def by_mujoco(start: Start) -> np.ndarray:
     """q̈ from M, from forces and from the equalities' J of MuJoCo, solved exactly; J̇ q̇ is a central difference."""
     chain = start.chain
-    model = mujoco.MjModel.from_xml_string(fl.to_mjcf(chain, initial=(start.q, start.qd), ties_of=start.scene))
+    model = mujoco.MjModel.from_xml_string(fl.to_mjcf(chain, initial=(start.q, start.qd), ties=start.scene))
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     data, order = mujoco.MjData(model), np.array([model.joint(name).qposadr[0] for name in chain.joint_names])
     mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -113,7 +113,7 @@ def test_a_stop_presses_at_both_limits_as_in_a_file() -> None:
     """Beyond its limits by 0.1 rad it exerts 100 N m/rad · 0.1 rad, and within them nothing."""
     stop = {"name": "stop", "kind": "stop", "link": "l2", "stiffness": 100.0}
     scene = two_links(stop, joint={"axis": [0, -1, 0], "limits_deg": [-60.0, 30.0]})
-    model = mujoco.MjModel.from_xml_string(fl.to_mjcf(fl.lump(open_chain(scene)), ties_of=scene))
+    model = mujoco.MjModel.from_xml_string(fl.to_mjcf(fl.lump(open_chain(scene)), ties=scene))
     data = mujoco.MjData(model)
     for degrees, torque in ((-60.0, 10.0), (30.0, -10.0), (0.0, 0.0)):
         data.qpos[:] = 0.0, np.radians(degrees) - 0.01 * torque
@@ -134,14 +134,14 @@ def test_a_stop_presses_at_both_limits_as_in_a_file() -> None:
 def test_ties_that_mjcf_does_not_have_are_refused_by_name(tie: dict) -> None:
     scene = two_links(tie)
     with refused(fl.errors.SceneError, "ties-not-supported"):
-        fl.to_mjcf(fl.lump(open_chain(scene)), ties_of=scene)
+        fl.to_mjcf(fl.lump(open_chain(scene)), ties=scene)
 
 
 def test_a_tie_on_a_segment_that_is_not_in_the_file_is_refused() -> None:
     cross = {"length": 0.0, "material": None, "section": None, "joint": {"axis": [0, 0, 1]}}
     scene = arm({"length": 0.4}, cross, {"length": 0.5}, ties=[point("l2", 0.4, 0.0, 0.0)], start=[0.0, 0.0, 0.0])
     with refused(fl.errors.ArgumentError, "joint-without-inertia"):
-        fl.to_mjcf(fl.lump(open_chain(scene)), ties_of=scene)
+        fl.to_mjcf(fl.lump(open_chain(scene)), ties=scene)
 
 
 def test_an_export_reports_what_becomes_of_ties(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -137,7 +137,7 @@ TABLE: dict[str, Call] = {
     "solve_static": lambda c, _: fl.solve_static(c.chain, c.start()[0]),
     "stable_step": _of_state(fl.stable_step, 2, **PUSHED),
     "sweep": _sweep,
-    "to_mjcf": lambda c, _: fl.to_mjcf(fl.lump(open_chain(c.scene)), ties_of=c.scene),
+    "to_mjcf": lambda c, _: fl.to_mjcf(fl.lump(open_chain(c.scene)), ties=c.scene),
     "to_c": lambda c, _: fl.to_c(c.chain, slopes=False),
     "to_casadi": lambda c, _: fl.to_casadi(c.chain),
     "to_sdf": lambda c, _: fl.to_sdf(c.chain),
