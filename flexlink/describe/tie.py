@@ -73,8 +73,9 @@ class Tie(TieEnd, frozen=True, kw_only=True):
     A spring may act in one direction only, or beyond a `play`. It then presses with k δ (1 + c δ̇), δ > 0 the depth and
     c the `dissipation` (Hunt & Crossley 1975). Steps end where it begins or ceases to press.
 
-    `simulate`, `Problem` and `Simulator` take scenes with ties, by implicit methods such as Radau5; `solve_static`,
-    `modes` and `linearize` take them as `ties`, and all other functions refuse them.
+    `simulate`, `Problem` and `Simulator` take scenes with ties, by implicit methods such as Radau5, as do
+    `simulate_many`, `sweep` and `sensitivities`; `solve_static`, `modes`, `linearize` and `to_mjcf` take them as `ties`.
+    All other functions refuse them.
 
     Examples
     --------
@@ -183,7 +184,8 @@ class Tie(TieEnd, frozen=True, kw_only=True):
 
 def refuse_ties(
     ties: Sequence[Tie],
-    why: str = "only simulate, simulate_many, sweep, Problem, Simulator, solve_static, modes, linearize support ties",
+    why: str = "only simulate, simulate_many, sweep, sensitivities, Problem, Simulator, solve_static, modes, linearize "
+    "support ties",
 ) -> None:
     """Refuse a scene with ties.
 
