@@ -1,6 +1,7 @@
 """compare_trajectories() makes a run in several engines and reports engines that differ or cannot run the scene."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.diagnosis import native, trajectories
 from flexlink.diagnosis.trajectories import ANGLE_TOLERANCE, CROSS_CHECK_FACTOR
+from flexlink.engines import base
 from tests.conftest import flexible, make_scene
 from tests.support.words import line, refused, refused_line, reviewed
 
@@ -37,7 +39,8 @@ def test_a_scene_with_a_wrench_has_the_same_run_in_every_engine(engines, capsys)
 
 
 def test_a_missing_wrench_in_an_engine_is_reported_with_joint_and_time(engines, monkeypatch, capsys) -> None:
-    monkeypatch.setattr("flexlink.engines.other_program.wrench_function", lambda _: None)
+    lacking = SimpleNamespace(**{**vars(base), "wrench_function": lambda _: None})
+    monkeypatch.setattr("flexlink.engines.other_program.base", lacking)
     found = fl.compare_trajectories(fl.load_scene(SPATIAL), engines=engines, duration=0.02)
     wrong, right = found.rows
     assert not found.passed
