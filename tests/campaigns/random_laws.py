@@ -7,7 +7,6 @@ One to four ties an arm: stops of joints, walls, ropes, bearings and gears with 
 sliders, exact rods. Arms and drives are those of `random_ties`. The truth is `tests.support.touching`.
 """
 
-import collections
 import sys
 import warnings
 from collections.abc import Iterator
@@ -17,8 +16,8 @@ import numpy as np
 
 import flexlink as fl
 from flexlink.describe.scene import Scene, scene_from
-from flexlink.dynamics.ties import tie_rows
-from tests.campaigns.random_ties import FAST, TOLERANCES, WRONG, Found, Maker, torque_of
+from flexlink.dynamics.ties import number_of_rows, tie_rows
+from tests.campaigns.random_ties import FAST, Found, Maker, runs, summary, torque_of
 from tests.support.loops import TooHardError, placed, places
 from tests.support.touching import Touching
 
@@ -137,12 +136,8 @@ def judged(maker: Maker) -> Iterator[Found]:
         return
     chain, t = problem.chain, SAMPLE * np.arange(round(DURATION / SAMPLE) + 1)
     ties = tie_rows(scene, chain)
-    moves, k = {}, 0
-    for tie in scene.tie:
-        if tie.times:
-            moves[k] = tie.times, tie.lengths
-        k += 2 if tie.kind == "slider" else 3 if tie.kind == "point" and tie.to.axis is None else 1
-    assert k == len(ties[0])
+    first = np.cumsum([0, *map(number_of_rows, scene.tie)]).tolist()
+    moves = {k: (tie.times, tie.lengths) for k, tie in zip(first, scene.tie, strict=False) if tie.times}
     start = problem.simulate(duration=0.0)
     truth = Touching(chain, ties, moves, force=scene.wrench.force, most=MOST)
     held = None if scene.drive.rate is None else np.arange(1, round(DURATION * scene.drive.rate)) / scene.drive.rate
@@ -152,16 +147,7 @@ def judged(maker: Maker) -> Iterator[Found]:
         there = places(chain, q)
     except (TooHardError, AssertionError):
         there, pieces = np.array(np.nan), 0
-    for tolerance in TOLERANCES:
-        try:
-            run = fl.simulate(scene, tolerance=tolerance)
-        except fl.FlexlinkError as error:
-            yield Found(maker.make, tolerance, str(error.id), note=str(error))
-            continue
-        off = np.linalg.norm(places(run.chain, run.q) - there, axis=2).max() / tolerance
-        known = "unknown" if np.isnan(off) else "WRONG" if off > WRONG else "right"
-        outcome = "warned" if run.warnings or not run.kept else known
-        yield Found(maker.make, tolerance, outcome, float(off), note=f"{pieces} pieces; {run.steps}")
+    yield from (each for each, _ in runs(scene, maker.make, there, f"{pieces} pieces"))
 
 
 if __name__ == "__main__":
@@ -169,12 +155,7 @@ if __name__ == "__main__":
     found = []
     for seed in range(*map(int, sys.argv[1:3])):
         for each in judged(CraneMaker(seed) if "crane" in sys.argv else LawMaker(seed)):
-            found.append((seed, each))
+            found.append(each)
             if each.outcome not in {"right", "warned", "unknown"} or each.error > 3:
                 print(f"seed {seed}:", *each, flush=True)
-    for key in dict.fromkeys(key for _, each in found for key in each[:2]):
-        runs = [each for _, each in found if key in each[:2]]
-        error = np.array([each.error for each in runs if not np.isnan(each.error)] or [np.nan])
-        print(f"{key}: error / tolerance {np.median(error):.2g}, up to {error.max():.2g}",
-              dict(collections.Counter(each.outcome for each in runs)))  # fmt: skip
-    sys.exit(any(each.outcome.isupper() for _, each in found))
+    sys.exit(summary(found))

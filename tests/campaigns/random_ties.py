@@ -11,7 +11,7 @@ import collections
 import contextlib
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -193,17 +193,37 @@ def judged(seed: int) -> Iterator[Found]:
         return
     ties = tie_rows(scene, problem.chain)
     truth, source = truth_of(problem, ties[0])
+    for each, run in runs(scene, maker.make, truth, source):
+        if run is None:
+            yield each
+            continue
+        gap = max(np.abs(gaps(ties, run.chain, q)[0]).max() for q in run.q) / run.chain.size
+        yield each._replace(gap=float(gap), outcome="OPEN" if gap > OPEN else each.outcome)
+
+
+def runs(scene: fl.Scene, make: str, truth: np.ndarray, source: str) -> Iterator[tuple[Found, fl.Trajectory | None]]:
+    """The runs of a scene with each tolerance, against the true places of all bodies at all samples, or nan."""
     for tolerance in TOLERANCES:
         try:
             run = fl.simulate(scene, tolerance=tolerance)
         except fl.FlexlinkError as error:
-            yield Found(maker.make, tolerance, str(error.id), note=str(error))
+            yield Found(make, tolerance, str(error.id), note=str(error)), None
             continue
         off = np.linalg.norm(places(run.chain, run.q) - truth, axis=2).max() / tolerance
-        gap = max(np.abs(gaps(ties, run.chain, q)[0]).max() for q in run.q) / run.chain.size
         known = "unknown" if np.isnan(off) else "WRONG" if off > WRONG else "right"
-        outcome = "OPEN" if gap > OPEN else "warned" if run.warnings or not run.kept else known
-        yield Found(maker.make, tolerance, outcome, float(off), float(gap), f"{source}; {run.steps}")
+        outcome = "warned" if run.warnings or not run.kept else known
+        yield Found(make, tolerance, outcome, float(off), note=f"{source}; {run.steps}"), run
+
+
+def summary(found: Iterable[Found]) -> bool:
+    """Print the errors of all makes and tolerances; return whether any run is silently wrong."""
+    found = list(found)
+    for key in dict.fromkeys(key for each in found for key in each[:2]):
+        of_key = [each for each in found if key in each[:2]]
+        error = np.array([each.error for each in of_key if not np.isnan(each.error)] or [np.nan])
+        print(f"{key}: error / tolerance {np.median(error):.2g}, up to {error.max():.2g}",
+              dict(collections.Counter(each.outcome for each in of_key)))  # fmt: skip
+    return any(each.outcome.isupper() for each in found)
 
 
 if __name__ == "__main__":
@@ -212,9 +232,4 @@ if __name__ == "__main__":
     for seed, each in found:
         if each.outcome.isupper():
             print(f"seed {seed}:", *each)
-    for key in dict.fromkeys(key for _, each in found for key in each[:2]):
-        runs = [each for _, each in found if key in each[:2]]
-        error = np.array([each.error for each in runs if not np.isnan(each.error)] or [np.nan])
-        print(f"{key}: error / tolerance {np.median(error):.2g}, up to {error.max():.2g}",
-              dict(collections.Counter(each.outcome for each in runs)))  # fmt: skip
-    sys.exit(any(each.outcome.isupper() for _, each in found))
+    sys.exit(summary(each for _, each in found))
