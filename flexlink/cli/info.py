@@ -58,7 +58,8 @@ def run_command(options: argparse.Namespace) -> int:
 
 def _examined(scene: Scene) -> tuple[dict[str, Any], Modes | None]:
     """The model at its start as plain data; its modes, whose time grows with the joints' cube, up to 300 joints."""
-    chain, tied = lump(open_chain(scene)), bool(scene.tie)
+    opened, tied = open_chain(scene), bool(scene.tie)
+    chain = lump(opened)
     q, _ = initial_state(scene, chain)
     if chain.n > 10_000:  # computing the largest eigenvalues takes more than a few seconds
         print(f"computing the fastest modes of {chain.n} joints …", file=sys.stderr)
@@ -85,7 +86,7 @@ def _examined(scene: Scene) -> tuple[dict[str, Any], Modes | None]:
         "first_elastic_hz": elastic_hertz(scene, chain, q) if found is not None and not tied else None,
         "fastest_eigenvalue_per_s": float(np.abs(λ).max()), "slowest_elastic_rad_per_s": slowest,
         "stable_steps": [] if tied else list(_stable_steps(scene, chain, λ, undamped)),
-        "notes": with_ids((*defaults(open_chain(scene)), *notes(open_chain(scene)))),
+        "notes": with_ids((*defaults(opened), *notes(opened))),
     }, None if bare is chain else found  # fmt: skip
 
 

@@ -11,8 +11,7 @@ from flexlink.dynamics.free_motion import basis
 from flexlink.dynamics.loads import InternalLoads, loads_of_bodies
 from flexlink.dynamics.result import read_only
 from flexlink.dynamics.terms import mass_matrix
-from flexlink.dynamics.ties import Rows, Ties, gaps, number_of_rows, tie_rows
-from flexlink.kernels.geometry.kinematics import forward_kinematics
+from flexlink.dynamics.ties import Rows, Ties, gaps, number_of_rows, poses, rows_by_tie, tie_rows
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.stepping.tie_rows import KIND, TIE, spring_forces
 
@@ -58,9 +57,7 @@ def tied_loads(ties: Ties, chain: Chain, motion: tuple[Array, Array, Array], wre
 
 def _on_bodies(rows: Rows, chain: Chain, q: Array, λ: Array) -> tuple[Array, Array]:
     """Forces −λ u of ties on all bodies, and their moments about the origins (bodies, 3), in axes of frame 0."""
-    pose, joints = forward_kinematics(chain.arrays, q), rows["kind"] == KIND.joint
-    R = np.concatenate([pose.rotations, np.eye(3)[None]])  # the last is frame 0, whose index is −1
-    p = np.concatenate([pose.points, np.zeros((1, 3))])
+    (R, p), joints = poses(chain, q), rows["kind"] == KIND.joint
     force, moment = np.zeros((2, len(p), 3))
     for row, multiplier in zip(rows[~joints], λ[~joints], strict=True):
         a, b = row["a"], row["b"]
@@ -76,12 +73,10 @@ def _on_bodies(rows: Rows, chain: Chain, q: Array, λ: Array) -> tuple[Array, Ar
 
 def tie_forces(scene: Scene, ties: Ties, λ: Array) -> dict[str, Array]:
     """Force of each tie by its name, from the multipliers (samples, r) of all rows, as in `Trajectory.tie_forces`."""
-    first, forces = 0, {}
-    for tie in scene.tie:
-        own = slice(first, first + number_of_rows(tie))
-        forces[tie.name] = -λ[:, own] @ ties[0]["along"][own] if number_of_rows(tie) > 1 else λ[:, first]
-        first = own.stop
-    return forces
+    return {
+        tie.name: -λ[:, own] @ ties[0]["along"][own] if number_of_rows(tie) > 1 else λ[:, own.start]
+        for tie, own in rows_by_tie(scene.tie)
+    }
 
 
 def rods_of(scene: Scene, chain: Chain) -> tuple[Indices, Array]:

@@ -27,8 +27,7 @@ from flexlink.dynamics.rounding import largest_load_stiffness
 from flexlink.dynamics.singularity import factored_mass
 from flexlink.dynamics.tangent import LoadedState, Stiffness, load_torque
 from flexlink.dynamics.terms import elastic_torque
-from flexlink.dynamics.ties import Ties, gaps, tie_rows
-from flexlink.kernels.geometry.kinematics import forward_kinematics
+from flexlink.dynamics.ties import Ties, gaps, poses, tie_rows
 from flexlink.kernels.stepping.tie_rows import KIND, spring_forces
 
 
@@ -136,8 +135,7 @@ def _allowed(J: Array, S: Array) -> tuple[Array, Indices]:
 
 def bends(ties: Ties, chain: Chain, q: Array) -> Array:
     """∂²g/∂q² (r, n, n) of all rows."""
-    placed, found = forward_kinematics(chain.arrays, q), np.zeros((len(ties[0]), chain.n, chain.n))
-    R, p = np.concatenate([placed.rotations, np.eye(3)[None]]), np.concatenate([placed.points, np.zeros((1, 3))])
+    (R, p), found = poses(chain, q), np.zeros((len(ties[0]), chain.n, chain.n))
     for k, row in enumerate(ties[0]):
         if row["kind"] == KIND.joint:
             continue

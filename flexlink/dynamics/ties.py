@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from flexlink.describe.schemes.methods import method
 from flexlink.describe.sensor import Sensor
 from flexlink.describe.tie import Tie, TieEnd, refuse_ties
 from flexlink.dynamics.free_motion import all_motions, basis
-from flexlink.kernels.geometry.kinematics import kinematics_workspace
+from flexlink.kernels.geometry.kinematics import forward_kinematics, kinematics_workspace
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.inputs.record import MotionTable, no_motion
 from flexlink.kernels.stepping.tie_rows import KIND, TIE, find_rows
@@ -58,9 +59,8 @@ def tie_rows(scene: Scene, chain: Chain) -> Ties | None:
         text = f"run.method = {name!r}: cannot hold tie {scene.tie[0].name!r}; use 'auto', 'Radau5' or 'Radau9'"
         raise SceneError(text, id="method-with-ties")
     rows = [_rows_of(tie, opened, chain) for tie in scene.tie]
-    first = np.cumsum([0, *map(len, rows)])
-    driven = [k for k, tie in enumerate(scene.tie) if tie.times]
-    return np.concatenate(rows).view(np.recarray), _lengths([scene.tie[k] for k in driven], first[driven])
+    driven = {own.start: tie for tie, own in rows_by_tie(scene.tie) if tie.times}
+    return np.concatenate(rows).view(np.recarray), _lengths([*driven.values()], np.array([*driven], dtype=np.int64))
 
 
 def _lengths(ties: list[Tie], rows: Indices) -> MotionTable:
@@ -77,6 +77,13 @@ def number_of_rows(tie: Tie) -> int:
     if tie.kind == "point":
         return 3 if tie.to.axis is None else 1
     return {"slider": 2, "hinge": 6, "weld": 9}.get(tie.kind, 1)
+
+
+def rows_by_tie(ties: Sequence[Tie]) -> Iterator[tuple[Tie, slice]]:
+    """Each tie, and its rows among those of all ties."""
+    first = 0
+    for tie in ties:
+        yield tie, slice(first, first := first + number_of_rows(tie))
 
 
 def _rows_of(tie: Tie, scene: Scene, chain: Chain) -> Rows:
@@ -129,6 +136,12 @@ def _place(end: TieEnd, name: str, scene: Scene) -> tuple[int, Array, Array]:
         raise SceneError(str(error).replace("sensor.end", f"tie.{name}", 1), id=error.id) from None
 
 
+def poses(chain: Chain, q: Array) -> tuple[Array, Array]:
+    """Rotations (bodies + 1, 3, 3) and origins (bodies + 1, 3) [m] of all bodies; the last, index −1, is frame 0."""
+    placed = forward_kinematics(chain.arrays, q)
+    return np.concatenate([placed.rotations, np.eye(3)[None]]), np.concatenate([placed.points, np.zeros((1, 3))])
+
+
 def gaps(ties: Ties, chain: Chain, q: Array, t: float = 0.0) -> tuple[Array, Array, Array]:
     """g (r,) [m, rad] of all rows, J = ∂g/∂q (r, n) and ∂g/∂t (r,) at angles q (n,) and time t [s]."""
     rows, lengths = ties
@@ -143,11 +156,11 @@ def independent_rows(scene: Scene, chain: Chain, q: Array) -> list[int]:
     ties = tie_rows(scene, chain)
     if ties is None:
         return []
-    J, first, ranks = gaps(ties, chain, q, scene.initial.time)[1] @ all_motions(chain), 0, [0]
+    J, ranks = gaps(ties, chain, q, scene.initial.time)[1] @ all_motions(chain), [0]
     exact = np.isinf(ties[0]["stiffness"])
-    for tie in scene.tie:
-        first += number_of_rows(tie)
-        ranks.append(int(np.linalg.matrix_rank(J[:first][exact[:first]], tol=1e-9)) if exact[:first].any() else 0)
+    for _, own in rows_by_tie(scene.tie):
+        held = np.flatnonzero(exact[: own.stop])
+        ranks.append(int(np.linalg.matrix_rank(J[held], tol=1e-9)) if len(held) else 0)
     return np.diff(ranks).tolist()
 
 

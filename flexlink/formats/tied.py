@@ -26,7 +26,7 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.tie import Tie, refuse_ties
 from flexlink.dynamics.forces import Gains
-from flexlink.dynamics.ties import Rows, gaps, number_of_rows, tie_rows
+from flexlink.dynamics.ties import Rows, gaps, rows_by_tie, tie_rows
 from flexlink.formats.document import decimals, tips, valid, xml_joint_names, xml_link_names
 from flexlink.kernels.inputs.drive_torque import follow
 
@@ -59,21 +59,20 @@ def add_ties(root: ET.Element, chain: Chain, scene: Scene, *, timestep: float) -
     ET.SubElement(ET.SubElement(root, "default"), "equality", solid)
     for flag in root.iterfind("option/flag"):
         del flag.attrib["constraint"], flag.attrib["equality"]
-    moved, first = np.zeros((3, len(ties[0]))), 0
+    moved = np.zeros((3, len(ties[0])))
     follow(ties[1], scene.initial.time, *moved)
     length = ties[0]["length"] + moved[0]
     g, J, _ = gaps(ties, bare, np.zeros(bare.n), scene.initial.time)  # g = l₀ − l of distances
     moves = np.abs(J).max(axis=1) > 1e-9 * bare.size
     joints, bodies = xml_joint_names(chain), _bodies(root, chain, bare)
-    for tie in scene.tie:
-        rows = ties[0][first : first + number_of_rows(tie)]
+    for tie, own in rows_by_tie(scene.tie):
+        rows, first = ties[0][own], own.start
         if tie.kind == "distance" and tie.stiffness is None and not moves[first]:
             refuse_ties([tie], "no joint changes its length at zero angles, by which MuJoCo scales its force")
         if tie.on_joint:
             _on_joint(root, tie, rows[0], joints[rows["a"][0]])
         else:
             _on_points(root, bodies, tie, rows, length[first], -g[first])
-        first += len(rows)
 
 
 def _bodies(root: ET.Element, chain: Chain, bare: Chain) -> dict[int, ET.Element | None]:

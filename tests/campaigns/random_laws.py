@@ -16,7 +16,7 @@ import numpy as np
 
 import flexlink as fl
 from flexlink.describe.scene import Scene, scene_from
-from flexlink.dynamics.ties import number_of_rows, tie_rows
+from flexlink.dynamics.ties import rows_by_tie, tie_rows
 from tests.campaigns.random_ties import FAST, Found, Maker, runs, summary, torque_of
 from tests.support.loops import TooHardError, placed, places
 from tests.support.touching import Touching
@@ -136,8 +136,7 @@ def judged(maker: Maker) -> Iterator[Found]:
         return
     chain, t = problem.chain, SAMPLE * np.arange(round(DURATION / SAMPLE) + 1)
     ties = tie_rows(scene, chain)
-    first = np.cumsum([0, *map(number_of_rows, scene.tie)]).tolist()
-    moves = {k: (tie.times, tie.lengths) for k, tie in zip(first, scene.tie, strict=False) if tie.times}
+    moves = {own.start: (tie.times, tie.lengths) for tie, own in rows_by_tie(scene.tie) if tie.times}
     start = problem.simulate(duration=0.0)
     truth = Touching(chain, ties, moves, force=scene.wrench.force, most=MOST)
     held = None if scene.drive.rate is None else np.arange(1, round(DURATION * scene.drive.rate)) / scene.drive.rate
