@@ -133,7 +133,7 @@ def _show(about: Mapping[str, Any]) -> None:
 def _ties(scene: Scene, chain: Chain, q: Array) -> Iterator[dict[str, Any]]:
     """Names, kinds and numbers of independent rows of ties."""
     for tie, rows in zip(scene.tie, independent_rows(scene, chain, q), strict=True):
-        of, spring = number_of_rows(tie), tie.stiffness is not None
+        of, spring = number_of_rows(tie), not tie.exact
         held = "spring" if spring else plural(of, "row") + (f", {of - rows} redundant" if rows < of else "")
         yield {"name": tie.name, "kind": tie.kind, "independent_rows": rows, "about": f"({tie.kind}, {held})"}
 

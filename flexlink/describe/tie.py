@@ -16,12 +16,14 @@ from flexlink.describe.sensor import beyond_beam
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, link_key, measured_in
 
 SPRING, RANGE = ("stiffness", "damping"), ("play", "only", "dissipation")
+MOVES, OIL = ("length", "times", "lengths"), ("bore", "stroke", "bulk_modulus")
 KINDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "point": ((), ("to.axis", *SPRING, *RANGE)),
     "hinge": (("axis",), ("to.axis",)),
     "weld": ((), ("to.rpy_deg",)),
     "slider": (("to.axis",), SPRING),
-    "distance": ((), ("length", "times", "lengths", *SPRING, *RANGE)),
+    "distance": ((), (*MOVES, *SPRING, *RANGE)),
+    "cylinder": (OIL, (*MOVES, "damping", "rod", "dead_volume", "pressures")),
     "joint": ((), (*SPRING, "play", "dissipation")),
     "stop": (("stiffness",), ("dissipation",)),
 }
@@ -67,7 +69,11 @@ class Tie(TieEnd, frozen=True, kw_only=True):
     so do the axes, as in a revolute joint.  weld: they coincide, and the link's axes are those of `to`, turned by
     `to.rpy_deg`.  slider: the point is on the line through `to` along `to.axis`.
     distance: the points keep the distance `length`, as at the ends of a rod without mass; with `times` and `lengths` it
-    moves, as of a cylinder.  joint: the joint of the link stays at 0.  stop: the joint stays within its limits.
+    moves.  joint: the joint of the link stays at 0.  stop: the joint stays within its limits.
+
+    cylinder: a distance with oil on both sides of the piston, full at `length`, closed, and pumped as `lengths` say:
+    p = p₀ + β ln(V(l) / V(l + g)) in each chamber, p₀ its `pressures`, β the `bulk_modulus`; at 0 absolute it is empty.
+    It pulls with A_rod p_rod − A_bore p_bore + `damping` ġ. There is no leakage, and the piston does not stop.
 
     A tie holds exactly, by a force g = 0 with the displacement g; with `stiffness` it is a spring, k g + `damping` ġ.
     A spring may act in one direction only, or beyond a `play`. It then presses with k δ (1 + c δ̇), δ > 0 the depth and
@@ -88,14 +94,26 @@ class Tie(TieEnd, frozen=True, kw_only=True):
 
     name: str
     """Name of the tie, for messages."""
-    kind: Literal["point", "hinge", "weld", "slider", "distance", "joint", "stop"]
+    kind: Literal["point", "hinge", "weld", "slider", "distance", "cylinder", "joint", "stop"]
     """What the tie holds: points, points and axes, a point on a line, the distance of points, or a joint."""
     length: Annotated[Positive | None, measured_in("m")] = None
-    """For a distance: the distance [m]."""
+    """For a distance or cylinder: the distance [m]."""
     times: Annotated[tuple[float, ...] | None, measured_in("s")] = None
     """For a distance that moves: times [s], from 0; between them the length is a quintic from rest to rest."""
     lengths: Annotated[tuple[Positive, ...] | None, measured_in("m")] = None
     """For a distance that moves, instead of `length`: the distance at each time [m]; it keeps the last one."""
+    bore: Annotated[Positive | None, measured_in("m")] = None
+    """For a cylinder: diameter of the piston [m]."""
+    rod: Annotated[NonNegative, measured_in("m")] = 0.0
+    """For a cylinder: diameter of the rod, on one side of the piston [m]."""
+    stroke: Annotated[tuple[Positive, Positive] | None, measured_in("m")] = None
+    """For a cylinder: shortest and longest distance of the points [m], where the piston meets the cylinder's ends."""
+    bulk_modulus: Annotated[Positive | None, measured_in("Pa")] = None
+    """For a cylinder: bulk modulus β of the oil with its hoses [Pa]; about 1e9 Pa."""
+    dead_volume: Annotated[NonNegative, measured_in("m³")] = 0.0
+    """For a cylinder: volume of oil in each chamber, with its hose, when the piston is at its end [m³]."""
+    pressures: Annotated[tuple[NonNegative, NonNegative], measured_in("Pa")] = (0.0, 0.0)
+    """For a cylinder: pressures p₀ above that of the air, of the bore side and the rod side, at `length` [Pa]."""
     stiffness: Annotated[Positive | None, measured_in("N m/rad", "N/m")] = None
     """Stiffness k of a spring in place of an exact tie, on a revolute joint [N m/rad], else [N/m]. Default: exact."""
     damping: Annotated[NonNegative, measured_in("N m s/rad", "N s/m")] = 0.0
@@ -115,11 +133,12 @@ class Tie(TieEnd, frozen=True, kw_only=True):
         if self.link is None:
             raise missing("link", "give the link of the tie")
         needs, may = KINDS[self.kind]
-        for key in ("axis", "to.axis", "rpy_deg", "to.rpy_deg", "length", "times", "lengths", *SPRING, *RANGE):
+        oil = (*OIL, "rod", "dead_volume", "pressures")
+        for key in ("axis", "to.axis", "rpy_deg", "to.rpy_deg", *MOVES, *oil, *SPRING, *RANGE):
             value = operator.attrgetter(key)(self)
             if key in needs and value is None:
                 raise missing(key, f"kind {self.kind!r} needs it")
-            if value and key not in (*needs, *may):
+            if value and value != (0.0, 0.0) and key not in (*needs, *may):
                 raise self._wrong(key, value, f"kind {self.kind!r} takes {', '.join((*needs, *may))}")
         if self.on_joint:
             for key, value in (("x", self.x), ("point", self.point), ("to", None if self.to == TieEnd() else self.to)):
@@ -134,7 +153,7 @@ class Tie(TieEnd, frozen=True, kw_only=True):
         return SceneError(f"{key} = {truncated(value)}: {why}", id="key-of-another-kind")
 
     def _check_length(self) -> None:
-        if self.kind != "distance":
+        if not self.has_length:
             return
         if self.length is not None and (self.times or self.lengths):
             raise both_given("length", self.length, "times")
@@ -147,12 +166,27 @@ class Tie(TieEnd, frozen=True, kw_only=True):
             if self.times[0] != 0:
                 raise SceneError(f"times[0] = {self.times[0]!r}: must be 0", id="first-time")
             require_increasing("times", self.times)
+        if self.kind == "cylinder":
+            self._check_oil()
+
+    def _check_oil(self) -> None:
+        """Check that the piston is inside the cylinder, and larger than its rod."""
+        shortest, longest = self.stroke or (0.0, 0.0)
+        if not shortest < longest:
+            raise self._refused("stroke", "the second distance must be greater than the first", "cylinder-sizes")
+        if not self.rod < (self.bore or 0.0):
+            raise self._refused("rod", f"must be less than bore = {self.bore!r}", "cylinder-sizes")
+        for key, lengths in (("length", (self.length,)), ("lengths", self.lengths)):
+            for l in lengths or ():
+                if l is not None and not shortest < l < longest:
+                    text = f"{key} = {l!r}: must be within stroke = [{shortest!r}, {longest!r}] m"
+                    raise SceneError(text, id="cylinder-sizes")
 
     def _check_spring(self) -> None:
         one = self.kind != "point" or self.to.axis is not None
         for key in (*SPRING[1:], *RANGE):
             value = getattr(self, key)
-            if value and self.stiffness is None:
+            if value and self.stiffness is None and self.kind != "cylinder":
                 raise self._refused(key, "needs a spring; give stiffness, or leave it out", "needs-another-key")
             if value and key in RANGE and not one:
                 raise self._refused(key, "a point needs a direction for it; give to.axis", "needs-another-key")
@@ -169,6 +203,16 @@ class Tie(TieEnd, frozen=True, kw_only=True):
     def on_joint(self) -> bool:
         """Whether the tie is on the link's joint, and has no points."""
         return self.kind in ("joint", "stop")
+
+    @property
+    def exact(self) -> bool:
+        """Whether the tie holds without a spring."""
+        return self.stiffness is None and self.kind != "cylinder"
+
+    @property
+    def has_length(self) -> bool:
+        """Whether the tie acts along the distance of its points."""
+        return self.kind in ("distance", "cylinder")
 
     @property
     def has_range(self) -> bool:

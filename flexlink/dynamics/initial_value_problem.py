@@ -47,8 +47,8 @@ class InitialValueProblem:
 
     @functools.cached_property
     def explicit(self) -> bool:
-        """Whether the run uses an explicit method with fixed steps."""
-        return steps_explicitly(self.run)
+        """Whether the run uses an explicit method with fixed steps, and no ties, in which a step may have to end."""
+        return steps_explicitly(self.run) and self.ties is None
 
     def workspace(self) -> Any:
         """New workspace for the forward dynamics solver of the run."""

@@ -19,8 +19,7 @@ from flexlink.dynamics.free_motion import basis
 from flexlink.dynamics.tangent import load_torque, stiffness_matrix
 from flexlink.dynamics.terms import elastic_torque
 from flexlink.dynamics.tied_tangent import bends
-from flexlink.dynamics.ties import Ties, gaps
-from flexlink.kernels.stepping.tie_rows import spring_forces
+from flexlink.dynamics.ties import Ties, gaps, springs
 
 
 def tied_equilibrium(
@@ -37,12 +36,12 @@ def tied_equilibrium(
     """
     passes, largest, settled = 200, 0.1, 1e-12  # Newton steps; largest and last change of a coordinate [rad, m]
     start, still = q, np.zeros(chain.n)
-    λ, own, slopes = np.zeros((3, len(ties[0])))
+    λ = np.zeros(len(ties[0]))
     B = basis(chain, np.setdiff1d(np.arange(chain.n), held))
     exact, follower = np.isinf(ties[0]["stiffness"]), turns_with_tip(frame)
     for _ in range(passes):
         g, J, _ = gaps(ties, chain, q, t)
-        spring_forces(ties[0], g, np.zeros(len(g)), own, slopes)
+        own, slopes = springs(ties, t, g, np.zeros(len(g)))
         λ[~exact] = own[~exact]
         torque = load_torque(chain, q, still, wrench, follower) + elastic_torque(chain, q) + J.T @ λ - tau
         K = stiffness_matrix(chain, q, still, wrench, follower) + J.T @ (slopes[:, None] * J)

@@ -11,9 +11,9 @@ from flexlink.dynamics.free_motion import basis
 from flexlink.dynamics.loads import InternalLoads, loads_of_bodies
 from flexlink.dynamics.result import read_only
 from flexlink.dynamics.terms import mass_matrix
-from flexlink.dynamics.ties import Rows, Ties, gaps, number_of_rows, poses, rows_by_tie, tie_rows
+from flexlink.dynamics.ties import Rows, Ties, gaps, number_of_rows, poses, rows_by_tie, springs, tie_rows
 from flexlink.kernels.inputs.drive_torque import follow
-from flexlink.kernels.stepping.tie_rows import KIND, TIE, spring_forces
+from flexlink.kernels.stepping.tie_rows import KIND, TIE, oil_pressures
 
 
 def tied_motion(ties: Ties, chain: Chain, t: Array, q: Array, qd: Array, qdd: Array) -> tuple[Array, Array]:
@@ -30,8 +30,7 @@ def tied_acceleration(ties: Ties, chain: Chain, t: float, q: Array, qd: Array, q
     """
     rows, lengths = ties
     g, J, moves = gaps(ties, chain, q, t)
-    λ, held = np.zeros(len(rows)), np.isinf(rows["stiffness"])
-    spring_forces(rows, g, J @ qd + moves, λ, np.empty(len(rows)))
+    (λ, _), held = springs(ties, t, g, J @ qd + moves), np.isinf(rows["stiffness"])
     B = basis(chain, np.arange(chain.n))
     Y = B @ np.linalg.solve(B.T @ mass_matrix(chain, q) @ B, B.T @ J.T)
     qdd = qdd - Y @ λ
@@ -77,6 +76,20 @@ def tie_forces(scene: Scene, ties: Ties, λ: Array) -> dict[str, Array]:
         tie.name: -λ[:, own] @ ties[0]["along"][own] if number_of_rows(tie) > 1 else λ[:, own.start]
         for tie, own in rows_by_tie(scene.tie)
     }
+
+
+def pressures(scene: Scene, ties: Ties, chain: Chain, t: Array, q: Array) -> dict[str, Array]:
+    """Pressures (samples, 2) [Pa] of each cylinder by its name, at times t and angles q (samples, n)."""
+    (rows, lengths), found = ties, {}
+    g = np.array([gaps(ties, chain, *state)[0] for state in zip(q, t.tolist(), strict=True)])
+    moved = np.zeros((len(t), 3, len(rows)))
+    for now, parts in zip(t.tolist(), moved, strict=True):
+        follow(lengths, now, *parts)
+    for tie, own in rows_by_tie(scene.tie):
+        if tie.kind == "cylinder":
+            k, found[tie.name] = own.start, np.zeros((len(t), 2))
+            oil_pressures(rows[k], moved[:, 0, k].copy(), g[:, k].copy(), found[tie.name])
+    return {name: read_only(p) for name, p in found.items()}
 
 
 def rods_of(scene: Scene, chain: Chain) -> tuple[Indices, Array]:

@@ -27,8 +27,8 @@ from flexlink.dynamics.rounding import largest_load_stiffness
 from flexlink.dynamics.singularity import factored_mass
 from flexlink.dynamics.tangent import LoadedState, Stiffness, load_torque
 from flexlink.dynamics.terms import elastic_torque
-from flexlink.dynamics.ties import Ties, gaps, poses, tie_rows
-from flexlink.kernels.stepping.tie_rows import KIND, spring_forces
+from flexlink.dynamics.ties import Ties, gaps, poses, springs, tie_rows
+from flexlink.kernels.stepping.tie_rows import KIND
 
 
 class TiedState(NamedTuple):
@@ -106,8 +106,7 @@ def tied_state(
         raise ArgumentError("qd: ties is also given, for arms at rest; specify only one", id="both-given")
     rows, t = ties[0], scene.initial.time
     g, J, _ = gaps(ties, chain, q, t)
-    still, λ, k = np.zeros((3, len(rows)))
-    spring_forces(rows, g, still, λ, k)
+    λ, k = springs(ties, t, g, np.zeros(len(rows)))
     d = rows["damping"] + rows["dissipation"] * np.abs(λ)
     exact, B = np.isinf(rows["stiffness"]), basis(chain, free)
     A = J[exact] @ B

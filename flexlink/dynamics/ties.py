@@ -24,7 +24,7 @@ from flexlink.dynamics.free_motion import all_motions, basis
 from flexlink.kernels.geometry.kinematics import forward_kinematics, kinematics_workspace
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.inputs.record import MotionTable, no_motion
-from flexlink.kernels.stepping.tie_rows import KIND, TIE, find_rows
+from flexlink.kernels.stepping.tie_rows import KIND, TIE, find_rows, spring_forces
 
 Rows = NDArray[np.void]
 Ties = tuple[Rows, MotionTable]
@@ -55,7 +55,7 @@ def tie_rows(scene: Scene, chain: Chain) -> Ties | None:
             refuse_ties(scene.tie, f"{what} and ties together are not supported")
     name, opened = scene.run.method, open_chain(scene)
     rule = None if name == AUTO else method(name)
-    if rule is not None and (rule.explicit or not len(rule.modes.real)):
+    if rule is not None and not (rule.explicit or len(rule.modes.real)):
         text = f"run.method = {name!r}: cannot hold tie {scene.tie[0].name!r}; use 'auto', 'Radau5' or 'Radau9'"
         raise SceneError(text, id="method-with-ties")
     rows = [_rows_of(tie, opened, chain) for tie in scene.tie]
@@ -92,6 +92,8 @@ def _rows_of(tie: Tie, scene: Scene, chain: Chain) -> Rows:
     rows["stiffness"], rows["damping"] = np.inf if tie.stiffness is None else tie.stiffness, tie.damping
     rows["low"], rows["high"] = tie.range
     rows["dissipation"], rows["length"] = tie.dissipation, tie.length or 0.0
+    if tie.kind == "cylinder":
+        _fill(rows, tie)
     if tie.on_joint:
         k = scene.arm.number(tie.link or 0)
         rows["kind"], rows["a"] = KIND.joint, chain.index(k, 0, 0)
@@ -103,7 +105,7 @@ def _rows_of(tie: Tie, scene: Scene, chain: Chain) -> Rows:
     x = (1.0, 0.0, 0.0)
     axis_b = unit("axis", tie.to.axis or tie.axis or x) @ axes_b
     rows["a"], rows["b"], rows["point_a"], rows["point_b"] = a, b, point_a, point_b
-    rows["kind"] = KIND.distance if tie.kind == "distance" else KIND.point
+    rows["kind"] = KIND.distance if tie.has_length else KIND.point
     if tie.kind == "hinge":
         _add_points(rows, chain, unit("axis", tie.axis or x)[None] @ axes_a, axis_b[None])
     elif tie.kind == "weld":
@@ -114,6 +116,17 @@ def _rows_of(tie: Tie, scene: Scene, chain: Chain) -> Rows:
     elif tie.kind == "point":
         rows["along"] = np.eye(3) if tie.to.axis is None else axis_b
     return rows
+
+
+def _fill(rows: Rows, tie: Tie) -> None:
+    """Fill a row with the oil of a cylinder; its stiffness is that at the first length."""
+    shortest, longest = tie.stroke or (0.0, 0.0)
+    bore, rod = (np.pi / 4 * (d or 0.0) ** 2 for d in (tie.bore, tie.rod))
+    A = np.array([bore, rod - bore])
+    rows["bulk"], rows["areas"], rows["pressures"] = tie.bulk_modulus, A, tie.pressures
+    rows["volumes"] = tie.dead_volume - A * [shortest, longest]
+    V = rows["volumes"] + A * (tie.lengths or (tie.length,))[0]
+    rows["stiffness"] = (A**2 * tie.bulk_modulus / V).sum()
 
 
 def _add_points(rows: Rows, chain: Chain, on_a: Array, on_b: Array) -> None:
@@ -149,6 +162,14 @@ def gaps(ties: Ties, chain: Chain, q: Array, t: float = 0.0) -> tuple[Array, Arr
     follow(lengths, t, *moved)
     find_rows(chain.arrays, rows, moved[0], q, kinematics_workspace(chain.arrays), g, J)
     return g, J, -moved[1]
+
+
+def springs(ties: Ties, t: float, g: Array, gd: Array) -> tuple[Array, Array]:
+    """λ and ∂λ/∂g (r,) of all springs at time t [s] with g and ġ (r,); 0 for rows that are held."""
+    (rows, lengths), moved, (λ, slopes) = ties, np.zeros((3, len(g))), np.zeros((2, len(g)))
+    follow(lengths, t, *moved)
+    spring_forces(rows, moved[0], g, gd, λ, slopes)
+    return λ, slopes
 
 
 def independent_rows(scene: Scene, chain: Chain, q: Array) -> list[int]:

@@ -98,6 +98,8 @@ def _on_points(
     """Add a tie between points, with the length l, and l − l₀ [m]."""
     if tie.kind == "slider" or (tie.kind == "point" and tie.to.axis is not None):
         refuse_ties([tie], "MJCF holds no point on a line or in one direction only")
+    if tie.kind == "cylinder":
+        refuse_ties([tie], "MJCF has no oil")
     if tie.kind == "point" and tie.damping:
         refuse_ties([tie], f"MJCF has no damper in all directions, damping = {tie.damping!r}")
     starts = range(0, 1 if tie.kind == "weld" else len(rows), 3)

@@ -77,7 +77,7 @@ def _guessed_costs(record: Record, tolerance: float) -> dict[str, float]:
         fewest["Radau5"] *= max(1.0, 10.0 * seen) ** 0.4
         fewest["Radau9"] *= max(1.0, seen) ** 0.2
     if record.tied:
-        del tries["DOP853"]  # explicit steps have no ties
+        del tries["DOP853"]  # springs of ties may be stiff, and every explicit stage solves for the multipliers
     return {name: price_of_a_step(record, name) * max(fewest[name], tries[name]) for name in tries}
 
 

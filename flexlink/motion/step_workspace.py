@@ -29,7 +29,7 @@ from flexlink.kernels.stepping.implicit_layout import VECTOR, ImplicitMethod, Im
 from flexlink.kernels.stepping.saturation import Saturation
 from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.stepping.tie_rows import LAW
-from flexlink.kernels.stepping.ties import Ties
+from flexlink.kernels.stepping.ties import Answers, Ties
 from flexlink.motion.inputs.drives import gains_at_zero
 from flexlink.motion.tolerable import read_by
 from flexlink.results.record import Record
@@ -64,6 +64,7 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
         return EmbeddedWork(
             coefficients, arrays, record.scratch, posture, numbers, new, K, L, np.zeros(len(K)),
             np.zeros((2, powers, n)), np.zeros(powers), Q, tau, e, springs, saturation, forces,
+            *((ties_of(record, 1, 1, 0), np.zeros((1, n, width)), np.zeros((VECTOR.size, n))) if record.tied else ()),
         )  # fmt: skip
     r, p = len(method.modes.real), len(method.modes.complex)
     # largest number of joints, since the cost of the small matrix grows as (stages · joints)³; few fixed steps need it
@@ -96,10 +97,10 @@ def ties_of(record: Record, s: int, real: int, pairs: int) -> Ties | None:
     λ, last, gap = np.zeros((3, s, r))
     J, middle = np.zeros((2, r, n))
     of_real, of_pairs, again = (
-        (np.zeros((p, r, n), kind), np.zeros((p, r, r), kind), np.zeros((r, r + 1), kind))
+        Answers(*(np.zeros(shape, kind) for shape in ((p, r, n), (p, r, r), (p, r, r), (p, r), r, r, n)))
         for p, kind in ((real, float), (pairs, complex), (1, float))
     )
-    ranges = np.array([np.count_nonzero(rows["low"] < rows["high"])])
+    ranges = np.array([np.count_nonzero((rows["low"] < rows["high"]) | (rows["bulk"] > 0)), 0])
     law = np.where(np.isinf(rows["stiffness"]), LAW.held, LAW.free)
     return Ties(
         rows, np.array([chain.size]), ranges, lengths, np.zeros((3, r)), law, np.full(r, np.nan),
@@ -146,9 +147,8 @@ def remembered(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
 
 def stages_of(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
     """Stages of the last step, multipliers and laws of ties, from which the next implicit step's iteration starts."""
-    if not isinstance(work, ImplicitWork):
-        return ()
-    return (work.stages,) if work.ties is None else (work.stages, work.ties.λ, work.ties.last, work.ties.left)
+    stages = (work.stages,) if isinstance(work, ImplicitWork) else ()
+    return stages if work.ties is None else (*stages, work.ties.λ, work.ties.last, work.ties.left)
 
 
 def friction_laws(work: EmbeddedWork | ImplicitWork) -> tuple[float, ...]:

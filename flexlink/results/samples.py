@@ -281,6 +281,15 @@ class RunSamples(Result):
         return tie_forces(self.scene, self._ties, self._tied[1])
 
     @functools.cached_property
+    def pressures(self) -> Mapping[str, Array]:
+        """Pressures [Pa] above that of the air on the bore side and the rod side of each cylinder, (samples, 2)."""
+        if self.scene is None or self._ties is None:
+            return {}
+        from flexlink.dynamics.tied_motion import pressures  # noqa: PLC0415
+
+        return pressures(self.scene, self._ties, self.chain, self.t, self.q)
+
+    @functools.cached_property
     def loads(self) -> InternalLoads:
         """`internal_loads` at the samples, with a leading axis of samples; includes the run's own tip wrench.
 

@@ -213,6 +213,28 @@ def test_a_subroutine_is_not_inlined_into_its_callers(folder: Path) -> None:
     assert "fmul" not in code
 
 
+@compiler.recursion
+def _halved(x: float) -> float:
+    return 0.5 * x
+
+
+@compiler.inlined
+def _of_half(x: float) -> float:
+    return _halved(x)
+
+
+@pytest.mark.parametrize(("called", "always"), [(_of_half, True), (_halved, False)])
+def test_a_function_first_compiled_within_an_inlined_one_is_not_inlined_always(
+    folder: Path, called: Callable[[float], float], always: bool
+) -> None:
+    def doubled(x: float) -> float:
+        return 2.0 * _of_half(x)
+
+    assert compiler.kernel(doubled)(3.0) == 3.0
+    (code,) = called.inspect_llvm().values()  # type: ignore[attr-defined]
+    assert ("alwaysinline" in code) is always
+
+
 def test_a_caller_is_loaded_after_its_subroutines(folder: Path, monkeypatch) -> None:
     def as_in_a_new_process() -> int:
         monkeypatch.setattr(machine_code, "_SHARED", {})

@@ -22,7 +22,6 @@ from flexlink.kernels.stepping.embedded import EmbeddedWork, embedded_step
 from flexlink.kernels.stepping.error_norm import deflection_norm
 from flexlink.kernels.stepping.implicit import implicit_step
 from flexlink.kernels.stepping.implicit_layout import ImplicitWork
-from flexlink.kernels.stepping.newton import shift_rotors
 from flexlink.kernels.stepping.runge_kutta import base_angle
 from flexlink.kernels.stepping.saturation import (
     NEVER,
@@ -33,7 +32,7 @@ from flexlink.kernels.stepping.saturation import (
     saturates,
 )
 from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, SO_FAR, STEPPER
-from flexlink.kernels.stepping.ties import accelerate
+from flexlink.kernels.stepping.ties import accelerate, choose_laws
 from flexlink.kernels.tools.compiler import by_type, entry, inlined, recursion, shared
 from flexlink.kernels.tools.numbered import numbered
 
@@ -52,9 +51,10 @@ def take_step(t, h, inputs, state, allowed, work):
 @shared
 @entry
 def begin_tied(state, work):
-    """Change q̈ (n,) at a start such that it satisfies the ties."""
-    shift_rotors(0.0, state[1], work.factors[0], work)
-    accelerate(state, work)
+    """Change q̈ (n,) at a start such that it satisfies the ties, and the power."""
+    t, (q, qd, qdd, done) = work.stepper[STEPPER.time], state
+    choose_laws(t, q, qd, work)
+    done[1] += accelerate(t, q, qd, qdd, work)
 
 
 @entry

@@ -36,16 +36,6 @@ def of_implicit(x, h, state, angles, rates, work):
     return W
 
 
-@inlined
-def on_ties(x, h, state, angles, rates, work):
-    """As `of_implicit`, with q and q̇ on the rows of ties."""
-    W = of_implicit(x, h, state, angles, rates, work)
-    if work.ties is not None:
-        project(work.stepper[STEPPER.time] + x * h, angles, rates, work)
-        W -= work.ties.stored[1] - work.ties.stored[0]
-    return W
-
-
 @recursion
 def of_explicit(x, h, state, angles, rates, work):
     """Write q and q̇ at the fraction x by the polynomials of `prepare_explicit`; returns W there.
@@ -144,6 +134,16 @@ def prepare_inside(t, h, inputs, state, work):
     """Prepare `inside`; returns its error as a body's displacement [m], and the number of additional evaluations."""
 
 
-@by_type({ImplicitWork: on_ties, EmbeddedWork: of_explicit})
+@by_type({ImplicitWork: of_implicit, EmbeddedWork: of_explicit})
+def by_polynomials(x, h, state, angles, rates, work):
+    """Write q and q̇ at the fraction x of the step, after `prepare_inside`; returns W there."""
+
+
+@inlined
 def inside(x, h, state, angles, rates, work):
-    """Write q and q̇ of a sample at the fraction x of the step, after `prepare_inside`; returns W there."""
+    """Write q and q̇ of a sample at the fraction x of the step, on the rows of ties; returns W there."""
+    W = by_polynomials(x, h, state, angles, rates, work)
+    if work.ties is not None:
+        project(work.stepper[STEPPER.time] + x * h, angles, rates, work)
+        W -= work.ties.stored[1] - work.ties.stored[0]
+    return W

@@ -25,6 +25,7 @@ from flexlink.kernels.inputs.drive_torque import follow, stage_torque
 from flexlink.kernels.stepping.error_norm import step_error_norm
 from flexlink.kernels.stepping.runge_kutta import add_stage
 from flexlink.kernels.stepping.step_state import STEPPER
+from flexlink.kernels.stepping.ties import accelerate, choose_laws, keep_slopes, project
 from flexlink.kernels.tools.compiler import inlined, recursion
 
 
@@ -60,7 +61,9 @@ class EmbeddedWork(NamedTuple):
     springs: Any  # see `error_norm`
     saturation: Any  # see `saturation`
     forces: Any  # force elements; None for a plain chain
-    ties: Any = None  # explicit steps have no ties
+    ties: Any = None  # see `ties`; None, like the next two: an open chain
+    factors: Any = None  # (1, n, 8) of M
+    vectors: Any = None  # scratch of `ties`, as in `implicit_layout`
 
 
 @recursion
@@ -75,6 +78,8 @@ def embedded_step(t, h, inputs, state, allowed, work):
     for k in range(len(q)):
         L[0, k], K[0, k] = qd[k], qdd[k]
     power[0] = done[1]
+    if work.ties is not None:
+        choose_laws(t, q, qd, work)
     work.stepper[STEPPER.work] = done[0] + h * b[0] * power[0]
     for i in range(1, s):
         power[i] = evaluate(t, c[i], h, inputs, q, qd, A[i], i, work.Q, work)
@@ -86,6 +91,11 @@ def embedded_step(t, h, inputs, state, allowed, work):
     place_bodies(work.new[0], work.posture)
     if work.forces is not None:
         find_own_slopes(work.forces, work.new[0], work.new[1], work.springs.own)
+    if work.ties is not None:
+        work.stepper[STEPPER.work] -= work.ties.stored[1] - work.ties.stored[0]
+        keep_slopes(work.ties)
+    if len(d) == 0:  # a method for fixed steps
+        return 0.0, 1
     ε = error_by(0, h, work)
     if len(d) == 1 or ε == 0.0:
         return ε, 1
@@ -97,7 +107,10 @@ def embedded_step(t, h, inputs, state, allowed, work):
 
 @inlined
 def evaluate(start, part, h, inputs, q, qd, weights, i, angles, work):
-    """Write angles, L_i and K_i of stage i, at the fraction `part` of the step; returns the power there."""
+    """Write angles, L_i and K_i of stage i, at the fraction `part` of the step; returns the power there.
+
+    The last stage, at the end of the step, is put onto the ties; it is nan, and so is the error, if they stay open.
+    """
     t = start + part * h
     K, L, tau = work.K, work.L, work.tau
     for k in range(len(q)):
@@ -105,8 +118,13 @@ def evaluate(start, part, h, inputs, q, qd, weights, i, angles, work):
     for j in range(i):
         add_stage(weights[j] * h, L, K, j, angles, L[i])
     follow(inputs.motion, t, angles, L[i], K[i])
+    if work.ties is not None and i == len(work.method.c) and not project(t, angles, L[i], work):
+        angles[0] = math.nan
     stage_torque(inputs.drive, t, start + 0.5 * h, angles, L[i], tau)
-    return forward_under(inputs, t, start + 0.5 * h, angles, L[i], tau, K[i], work.forward)
+    power = forward_under(inputs, t, start + 0.5 * h, angles, L[i], tau, K[i], work.forward)
+    if work.ties is not None:
+        power += accelerate(t, angles, L[i], K[i], work)
+    return power
 
 
 @recursion

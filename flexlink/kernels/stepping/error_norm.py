@@ -83,7 +83,7 @@ def displacement_norm(τ, e_v, springs, posture, chain, ties):
     """Largest displacement [m] of a body in a time τ due to errors e_v of the rates."""
     displace(τ, e_v, springs, posture, chain)
     if ties is not None:
-        pull_back(τ, springs.δ, springs.factors, springs.r, posture, ties)
+        pull_back(τ, springs.δ, springs.factors, posture, ties)
     return displacement(springs.δ, posture)
 
 

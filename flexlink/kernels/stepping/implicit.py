@@ -49,6 +49,7 @@ from flexlink.kernels.stepping.newton import (
     slowest_rates,
 )
 from flexlink.kernels.stepping.step_state import STEPPER
+from flexlink.kernels.stepping.tie_rows import LAW
 from flexlink.kernels.stepping.ties import answer_ties, begin_ties, keep, noise_of_ties, pull, settle_on_ties
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 from flexlink.kernels.tools.rare import rarely
@@ -131,7 +132,7 @@ def prepare_systems(h, rates, by_stage, work):
     work.stepper[STEPPER.prepared] += 1.0
     factor_all(h, rates, work)
     if work.ties is not None:
-        answer_ties(work)
+        answer_ties(h, work)
     if by_stage:
         work.stepper[STEPPER.stage_matrices] += work.stages.shape[1]
         factor_stages(h, work)
@@ -271,7 +272,7 @@ def work_is_accurate(moved, q, allowed, work):
 
 @inlined
 def does_work(inputs, work):
-    """Whether non-conservative forces act: drives, dampers, friction, prescribed motions, the tip wrench."""
+    """Whether non-conservative forces act: drives, dampers, friction, ties, prescribed motions, the tip wrench."""
     hinges = work.chain.hinges
     works = len(inputs.drive.joints) + len(inputs.motion.joints) > 0
     if inputs.loads is not None:
@@ -282,6 +283,10 @@ def does_work(inputs, work):
         works = works or inputs.wrench[k] != 0.0
     for k in range(len(hinges)):
         works = works or hinges[k].damping > 0.0 or hinges[k].coulomb > 0.0
+    if work.ties is not None:
+        works = works or len(work.ties.lengths.joints) > 0
+        for law in work.ties.law:
+            works = works or law != LAW.held
     return works
 
 

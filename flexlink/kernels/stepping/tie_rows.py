@@ -19,13 +19,19 @@ TIE = np.dtype(
         ("stiffness", np.float64), ("damping", np.float64),  # k, inf: held [N/m, N m/rad]; d [N s/m, N m s/rad]
         ("low", np.float64), ("high", np.float64),  # free range [m, rad]; equal: none
         ("dissipation", np.float64),  # c [s/m, s/rad]
+        ("bulk", np.float64),  # β of the oil of a cylinder; 0: no cylinder [Pa]
+        ("areas", np.float64, (2,)),  # A of bore side and rod side, negative there, whose chamber shrinks with g [m²]
+        ("volumes", np.float64, (2,)),  # of the chambers at zero distance of the ends [m³]
+        ("pressures", np.float64, (2,)),  # at the commanded length [Pa]
     ],
     align=True,
 )  # fmt: skip
+EMPTY = -101325.0  # pressure [Pa], relative to air, of a chamber that the oil does not fill
 ROUNDING = 1e-12  # largest slope of a row, relative to the distance of its points from the origin, that is an error
 SOFTEST = 0.05  # smallest slope ∂λ/∂g of a range, relative to k, in Newton's matrix
-LAW = numbered("free held spring high low")
-"""Law of a row in a step; high, low: at this end of its range. From `spring` on, laws have a spring."""
+LAW = numbered("free held spring high low oil bore_empty rod_empty")
+"""Law of a row in a step; high, low: at this end of its range. From `spring` on, laws have a spring; from `oil` on, a
+cylinder, of which one side is empty by the last two."""
 
 
 @inlined
@@ -81,10 +87,24 @@ def is_held(row):
 
 
 @recursion
-def law_of(row, g, v):
+def chamber(row, side, g, length):
+    """p of a chamber full of oil, 0: bore side, 1: rod side, and its area times −∂p/∂g; `length`: the moved l."""
+    A = row.areas[side]
+    V = row.volumes[side] + A * (row.length + length)
+    return row.pressures[side] - row.bulk * math.log1p(A * g / V), A * A * row.bulk / (V + A * g)
+
+
+@recursion
+def law_of(row, g, v, length):
     """LAW that is valid at g and ġ."""
     if is_held(row):
         return LAW.held
+    if row.bulk > 0.0:
+        law = LAW.oil
+        for side in range(2):
+            if chamber(row, side, g, length)[0] < EMPTY:
+                law = LAW.bore_empty + side
+        return law
     if row.low == row.high:
         return LAW.spring
     if pressed(row, 1.0, g, v) > 0.0:
@@ -96,7 +116,9 @@ def law_of(row, g, v):
 
 @recursion
 def other_law(row, law, g):
-    """The law that a row takes instead: free, or the nearer end of its range."""
+    """The law that a row takes instead: free, or the nearer end of its range; a side that is empty, or none."""
+    if law >= LAW.oil:
+        return LAW.oil if law > LAW.oil else LAW.bore_empty if g > 0.0 else LAW.rod_empty
     if law != LAW.free:
         return LAW.free
     return LAW.high if row.high - g < g - row.low else LAW.low
@@ -104,16 +126,41 @@ def other_law(row, law, g):
 
 @inlined
 def stretch(row, law, g):
-    """δ of a row by a law, without regard to its validity; 0 if the law has no spring."""
-    if law < LAW.spring:
+    """δ of a row by a law, without regard to its validity; 0 if the law has no spring of constant stiffness."""
+    if law < LAW.spring or law >= LAW.oil:
         return 0.0
     return g - (row.low if law == LAW.low else row.high)
 
 
+@inlined
+def out_of_range(row, law, g, v, length):
+    """How far λ of a row is beyond its law; −∞ if the law has no end."""
+    if law == LAW.high:
+        return -pressed(row, 1.0, g, v)
+    if law == LAW.low:
+        return -pressed(row, -1.0, g, v)
+    if law == LAW.free:
+        return max(pressed(row, 1.0, g, v), pressed(row, -1.0, g, v))
+    off = -math.inf
+    if law >= LAW.oil:
+        for side in range(2):
+            missing = abs(row.areas[side]) * (EMPTY - chamber(row, side, g, length)[0])
+            off = max(off, -missing if law == LAW.bore_empty + side else missing)
+    return off
+
+
 @recursion
-def multiplier(row, law, g, v):
+def multiplier(row, law, g, v, length):
     """λ of a row with a spring by a law, without regard to its validity; ∂λ/∂g and ∂λ/∂ġ."""
     k, d, c, δ = row.stiffness, row.damping, row.dissipation, stretch(row, law, g)
+    if law >= LAW.oil:
+        λ, k = d * v, 0.0
+        for side in range(2):
+            p, slope = chamber(row, side, g, length)
+            if law == LAW.bore_empty + side:
+                p, slope = EMPTY, 0.0
+            λ, k = λ - row.areas[side] * p, k + slope
+        return λ, k, d
     if law == LAW.spring:
         return k * δ + d * v, k, d
     if law == LAW.free:
@@ -123,11 +170,45 @@ def multiplier(row, law, g, v):
     return k * δ * grown, k * max(SOFTEST, grown), max(0.0, k * c * side * δ)
 
 
+@recursion
+def stored(row, law, g, length):
+    """Energy E that the spring of a row stores by a law, ∂E/∂g = λ for ġ = 0, without regard to its validity; ∂E/∂l."""
+    δ, E, slope = stretch(row, law, g), 0.0, 0.0
+    if δ != 0.0:
+        return 0.5 * row.stiffness * δ * δ, 0.0
+    if law >= LAW.oil:
+        for side in range(2):
+            A, p = row.areas[side], row.pressures[side]
+            V = row.volumes[side] + A * (row.length + length)
+            x = A * g / V
+            if law == LAW.bore_empty + side:
+                E -= A * EMPTY * g
+            else:
+                E += row.bulk * V * ((1.0 + x) * math.log1p(x) - x) - A * p * g
+                slope += row.bulk * A * (math.log1p(x) - x)
+    return E, slope
+
+
+@recursion
+def power_beside(row, law, g, v, λ, length, speed):
+    """Power of a spring with the multiplier λ at ġ and l̇, beside the change of the energy that it stores."""
+    return (multiplier(row, law, g, 0.0, length)[0] - λ) * v + (stored(row, law, g, length)[1] - λ) * speed
+
+
 @shared
 @entry
-def spring_forces(rows, g, v, λ, slopes):
-    """Write λ and ∂λ/∂g (r,) of all springs at g and ġ (r,); 0 for rows that are held."""
+def spring_forces(rows, length, g, v, λ, slopes):
+    """Write λ and ∂λ/∂g (r,) of all springs at g and ġ (r,), with l where it moves; 0 for rows that are held."""
     for k in range(len(rows)):
-        λ[k] = slopes[k] = 0.0
-        if not is_held(rows[k]):
-            λ[k], slopes[k], _ = multiplier(rows[k], law_of(rows[k], g[k], v[k]), g[k], v[k])
+        row, λ[k], slopes[k] = rows[k], 0.0, 0.0
+        if not is_held(row):
+            λ[k], slopes[k], _ = multiplier(row, law_of(row, g[k], v[k], length[k]), g[k], v[k], length[k])
+
+
+@shared
+@entry
+def oil_pressures(row, length, g, p):
+    """Write the pressures p (samples, 2) [Pa] in the chambers of a cylinder, with l − `row.length` and g (samples,)."""
+    for i in range(len(g)):
+        for side in range(2):
+            p[i, side] = max(EMPTY, chamber(row, side, g[i], length[i])[0])

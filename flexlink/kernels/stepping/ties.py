@@ -1,4 +1,4 @@
-"""Ties: rows g(q, t), each with a multiplier λ, in the stages of an implicit step; O(n) for each row.
+"""Ties: rows g(q, t), each with a multiplier λ, in the stages of a step; O(n) for each row.
 
     M q̈ + h(q, q̇) + Jᵀ λ = τ        J = ∂g/∂q,  ġ = J q̇ + ∂g/∂t
 
@@ -12,11 +12,12 @@ beyond the range, whose losses grow with the depth δ (Hunt & Crossley 1975):
     held       g = 0
     spring     λ = k g + d ġ
     range      λ = k δ (1 + c |ġ|)       δ = g − high > 0 or g − low < 0, ġ > 0 deeper; else λ = 0
+    oil        λ = A_b p_b − A_a p_a + d ġ        p = p₀ + β ln(V(l) / V(l + g)) in each closed chamber, or 0 absolute
 
 A step keeps the law that is valid at its start, so it is smooth, and ends where this changes (`saturation`).
 
-All stages satisfy the law (index 3 for held rows). In the coordinates of `newton`, one system for each eigenvalue, with
-z = hλ_A for an eigenvalue λ_A of the method's A, each system gets the rows as a border:
+All stages of an implicit step satisfy the law (index 3 for held rows). In the coordinates of `newton`, one system for
+each eigenvalue, with z = hλ_A for an eigenvalue λ_A of the method's A, each system gets the rows as a border:
 
     (M + A_z) x + Jᵀ μ = (T⁻¹ R)         Y = (M + A_z)⁻¹ Jᵀ,  S = J Y
     held       z² J x = −(T⁻¹ g)                                 S μ = J x⁰ + (T⁻¹ g) / z²      x⁰: without ties
@@ -31,16 +32,21 @@ which stiff vibrations stay quiet:
 
     q ← q − Y S⁻¹ g        q̇ ← q̇ − Y S⁻¹ ġ
 
-The error of a step keeps J e = 0, and q̈ at a start satisfies g̈ = 0; springs enter both with k and d. The work of all
-forces contains the energy stored in the springs, ½ k δ², as a function of q, so that it is exact:
+The error of a step keeps J e = 0, and q̈ at a start satisfies g̈ = 0; springs enter both with k and d. So do the stages
+of an explicit step, whose end is put onto the rows in the metric M:
 
-    W = −∫ λ ∂g/∂t + (λ − k δ) ġ dt − Σ ½ k δ²        (without λ ∂g/∂t only for l = const)
+    q̈ = q̈⁰ − M⁻¹ Jᵀ λ        J q̈ + J̇ q̇ + ∂ġ/∂t = 0        q̈⁰: without ties
+
+The work of all forces contains the energy E that springs store, as a function of q and l, so that it is exact:
+
+    W = −∫ (λ − λ_E) ġ + (λ − ∂E/∂l) l̇ dt − Σ E        λ_E = ∂E/∂g, E = ½ k δ² of springs
 """
 
 import math
 from typing import Any, NamedTuple
 
 from flexlink.kernels.forward.mass_plus import factor, place_bodies, solve
+from flexlink.kernels.forward.mass_plus_cells import FACTORS, put_couplings
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.stepping.implicit_layout import VECTOR
 from flexlink.kernels.stepping.step_state import STEPPER
@@ -50,9 +56,9 @@ from flexlink.kernels.stepping.tie_rows import (
     law_of,
     multiplier,
     other_law,
-    pressed,
-    spring_forces,
-    stretch,
+    out_of_range,
+    power_beside,
+    stored,
 )
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 
@@ -65,16 +71,24 @@ OPEN = 1e-10
 TIMES = 8  # corrections of q after a step; one is enough if the step is accurate
 
 
-class Ties(NamedTuple):
-    """Rows of a chain, and scratch for an implicit method with s stages.
+class Answers(NamedTuple):
+    """Answers of the chain to multipliers, and the small system, for p eigenvalues of one kind."""
 
-    `real` and `pairs` are the answers of the chain for the real and for the complex eigenvalues: Y (p, r, n),
-    S (p, r, r), and a matrix (r, r + 1) for a small system with its right-hand side.
-    """
+    Y: Any  # (p, r, n)
+    S: Any  # (p, r, r)
+    G: Any  # (p, r, r) the inverse of S + C
+    C: Any  # (p, r)
+    b: Any  # (r,) scratch, as are the next two
+    μ: Any  # (r,)
+    r: Any  # (n,)
+
+
+class Ties(NamedTuple):
+    """Rows of a chain, and scratch for an implicit method with s stages; explicit ones keep no multipliers: s = 1."""
 
     rows: Any  # (r,) TIE
     size: Any  # (1,) of the arm [m]
-    ranges: Any  # (1,) number of rows with a free range
+    ranges: Any  # (2,) number of rows with a free range, and of those that press in this step
     lengths: Any  # l(t) of rows whose length moves, as `follow` reads it
     moved: Any  # (3, r) l, l̇, l̈ of these rows; 0: others
     law: Any  # (r,) LAW of each row in this step
@@ -82,15 +96,15 @@ class Ties(NamedTuple):
     λ: Any  # (s, r) multipliers of the stages
     last: Any  # (s, r) the same of the last accepted step
     gap: Any  # (s, r) g of held rows, λ(g) − λ of others
-    slope: Any  # (2, r) ∂λ/∂g and ∂λ/∂ġ, means of the stages
-    stored: Any  # (2,) ½ k δ² of all rows at the start of the step, and at the last state [J]
+    slope: Any  # (2, r) ∂λ/∂g and ∂λ/∂ġ, means of the stages; of an explicit step, at the last one
+    stored: Any  # (2,) E of all rows at the start of the step, and at the last state [J]
     off: Any  # (2, r) how far λ is beyond its law [N], and its impulse in the rest of the step [N s]
     placed: Any  # results of `kinematics`
     J: Any  # (r, n)
-    middle: Any  # (r, n) J at the middle of the step
-    real: Any
-    pairs: Any
-    again: Any  # the same as `real` for one other matrix
+    middle: Any  # (r, n) J at the middle of the step; of an explicit step, at its end
+    real: Answers
+    pairs: Answers  # for the complex eigenvalues
+    again: Answers  # for one other matrix
     used: Any  # (r,)
 
 
@@ -115,10 +129,21 @@ def energy(g, ties):
     """Energy stored in all springs by the laws of the step [J]."""
     E = 0.0
     for k in range(len(ties.rows)):
-        δ = stretch(ties.rows[k], ties.law[k], g[k])
-        if δ != 0.0:
-            E += 0.5 * ties.rows[k].stiffness * δ * δ
+        E += stored(ties.rows[k], ties.law[k], g[k], ties.moved[0, k])[0]
     return E
+
+
+@recursion
+def choose_laws(t, q, qd, work):
+    """Find the laws at the start of a step, and the energy that springs store there."""
+    ties, g = work.ties, work.ties.gap[0]
+    find_at(t, q, g, ties, work.chain)
+    ties.ranges[1] = 0
+    for k in range(len(ties.rows)):
+        law = law_of(ties.rows[k], g[k], rate(k, qd, ties), ties.moved[0, k])
+        ties.law[k] = other_law(ties.rows[k], law, g[k]) if ties.left[k] == t else law
+        ties.ranges[1] += ties.law[k] > LAW.spring
+    ties.stored[0] = energy(g, ties)
 
 
 @subroutine
@@ -127,21 +152,22 @@ def begin_ties(t, h, state, middle, accepted, work):
 
     `accepted`: whether the last multipliers belong to an accepted step; if not, those of the step before return.
     """
-    ties, q, qd, first = work.ties, state[0], state[1], work.stepper[STEPPER.last_step] == 0.0
-    g = ties.gap[0]
-    find_at(t, q, g, ties, work.chain)
+    ties, first = work.ties, work.stepper[STEPPER.last_step] == 0.0
+    choose_laws(t, state[0], state[1], work)
     for k in range(len(ties.rows)):
-        row = ties.rows[k]
-        law = law_of(row, g[k], rate(k, qd, ties))
-        ties.law[k] = other_law(row, law, g[k]) if ties.left[k] == t else law
         for i in range(len(ties.λ)):
             if accepted:
                 ties.last[i, k] = ties.λ[i, k]
             ties.λ[i, k] = 0.0 if ties.law[k] == LAW.free or first else ties.last[i, k]
-    ties.stored[0] = energy(g, ties)
-    find_at(t + 0.5 * h, middle, g, ties, work.chain)
-    for k in range(len(ties.rows)):
-        for j in range(len(q)):
+    find_at(t + 0.5 * h, middle, ties.gap[0], ties, work.chain)
+    keep_slopes(ties)
+
+
+@inlined
+def keep_slopes(ties):
+    """Keep J as that of the step."""
+    for k in range(len(ties.J)):
+        for j in range(ties.J.shape[1]):
             ties.middle[k, j] = ties.J[k, j]
 
 
@@ -156,11 +182,11 @@ def noise_of_ties(h, work):
 
 @inlined
 def pull(i, t, q, qd, R, work):
-    """Subtract Jᵀ λ from the residual R (n,) of stage i, and note its gaps; returns the power beside ½ k δ²."""
+    """Subtract Jᵀ λ from the residual R (n,) of stage i, and note its gaps; returns the power beside that of E."""
     ties, power, s = work.ties, 0.0, len(work.ties.λ)
     find_at(t, q, ties.gap[i], ties, work.chain)
     for k in range(len(ties.rows)):
-        λ, row = ties.λ[i, k], ties.rows[k]
+        λ, row, v = ties.λ[i, k], ties.rows[k], rate(k, qd, ties)
         if ties.law[k] == LAW.held and abs(ties.gap[i, k]) <= 0.1 * CLOSED * ties.size[0]:
             ties.gap[i, k] = 0.0  # its rounding errors over h² would be accelerations
         for j in range(len(q)):
@@ -168,39 +194,15 @@ def pull(i, t, q, qd, R, work):
         if i == 0:
             ties.slope[0, k] = ties.slope[1, k] = 0.0
         if ties.law[k] != LAW.held:
-            g, v = ties.gap[i, k], rate(k, qd, ties)
-            by_law, of_g, of_v = multiplier(row, ties.law[k], g, v)
+            g = ties.gap[i, k]
+            by_law, of_g, of_v = multiplier(row, ties.law[k], g, v, ties.moved[0, k])
             ties.gap[i, k] = by_law - λ
             ties.slope[0, k] += of_g / s
             ties.slope[1, k] += of_v / s
-            power -= (by_law - row.stiffness * stretch(row, ties.law[k], g)) * v
-        power -= λ * ties.moved[1, k]
+            power += power_beside(row, ties.law[k], g, v, by_law, ties.moved[0, k], ties.moved[1, k])
+        else:
+            power -= λ * ties.moved[1, k]
     return power
-
-
-@recursion
-def answer(J, factors, answers, eigenvalue, r, posture):
-    """Write Y = (M + A)⁻¹ Jᵀ, as rows, and S = J Y for an eigenvalue, by its index; `r` (n,) is scratch."""
-    Y, S = answers[0][eigenvalue], answers[1][eigenvalue]
-    for k in range(len(J)):
-        for j in range(len(r)):
-            r[j] = J[k, j]
-        solve(factors, r, Y[k], posture)
-    for k in range(len(J)):
-        for m in range(len(J)):
-            S[k, m] = 0.0
-            for j in range(len(r)):
-                S[k, m] += J[k, j] * Y[m, j]
-
-
-@subroutine
-def answer_ties(work):
-    """Find Y and S for every eigenvalue, whose factors are known."""
-    ties = work.ties
-    for m in range(len(work.method.real)):
-        answer(ties.middle, work.factors[m], ties.real, m, work.vectors[VECTOR.rhs], work.posture)
-    for m in range(len(work.method.pairs)):
-        answer(ties.middle, work.factors_pairs[m], ties.pairs, m, work.pairs[0], work.posture)
 
 
 @inlined
@@ -212,77 +214,107 @@ def yielding(k, z, ties):
 
 
 @recursion
-def put_row(k, b, C, S, A, ties, held):
-    """Write row k of the small system (S + C) μ = b to A (r, r + 1); free rows, and with `held` springs, are 0.
+def answer(J, factors, z, held, answers, m, posture, ties):
+    """Write Y = (M + A_z)⁻¹ Jᵀ, as rows, S = J Y and G for eigenvalue m; with `held` only held rows act."""
+    Y, S, r = answers.Y[m], answers.S[m], answers.r
+    for k in range(len(J)):
+        for j in range(len(r)):
+            r[j] = J[k, j]
+        solve(factors, r, Y[k], posture)
+    for k in range(len(J)):
+        for l in range(len(J)):
+            S[k, l] = 0.0
+            for j in range(len(r)):
+                S[k, l] += J[k, j] * Y[l, j]
+    invert(z, held, answers, m, ties)
 
-    The row of a spring is scaled to the pivot of a held row, since a soft spring would make held rows look redundant.
-    """
-    r = len(S)
-    for l in range(r + 1):
-        A[k, l] = 0.0 * b
-    if ties.law[k] != LAW.held and (held or ties.law[k] == LAW.free):
-        return
-    weight = S[k, k] / (S[k, k] + C) if C != 0.0 else 1.0 + 0.0 * b
-    for l in range(r):
-        if ties.law[l] == LAW.held or not (held or ties.law[l] == LAW.free):
-            A[k, l] = weight * S[k, l]
-    A[k, k] += weight * C
-    A[k, r] = weight * b
+
+@subroutine
+def answer_ties(h, work):
+    """Find Y, S and G for every eigenvalue, whose factors are known."""
+    ties, method = work.ties, work.method
+    for m in range(len(method.real)):
+        answer(ties.middle, work.factors[m], h * method.real[m], False, ties.real, m, work.posture, ties)
+    for m in range(len(method.pairs)):
+        answer(ties.middle, work.factors_pairs[m], h * method.pairs[m], False, ties.pairs, m, work.posture, ties)
+
+
+@inlined
+def acts(k, held, ties):
+    """Whether row k has a part in the small system; with `held` only held rows have."""
+    return ties.law[k] == LAW.held or not (held or ties.law[k] == LAW.free)
 
 
 @recursion
-def solve_small(A, used):
-    """Replace the last column b of A (r, r + 1) by x with A x = b, 0 for redundant rows; `used` (r,) is scratch.
+def invert(z, held, answers, m, ties):
+    """Write C, and G with μ = G b for (S + C) μ = b; its rows and columns are 0 for redundant rows, and without a part.
 
-    Elimination with the largest pivot first; a row whose pivot is a rounding error depends on those before it.
+    Elimination with the largest pivot first; a row whose pivot is a rounding error depends on those before it. The row
+    of a spring is scaled to the pivot of a held row, since a soft spring would make held rows look redundant.
     """
-    r, first = len(A), 0.0
+    S, C, G, weight = answers.S[m], answers.C[m], answers.G[m], answers.μ
+    used, r, first = ties.used, len(ties.rows), 0.0
     for k in range(r):
         used[k] = 0.0
+        C[k] = 0.0 * z if held else yielding(k, z, ties)
+        weight[k] = S[k, k] / (S[k, k] + C[k]) if C[k] != 0.0 else 1.0 + C[k]
+        for l in range(r):
+            G[k, l] = weight[k] * S[k, l] if acts(k, held, ties) and acts(l, held, ties) else 0.0 * z
+        if acts(k, held, ties):
+            G[k, k] += weight[k] * C[k]
     for _ in range(r):
         p = -1
         for k in range(r):
-            if used[k] == 0.0 and (p < 0 or abs(A[k, k]) > abs(A[p, p])):
+            if used[k] == 0.0 and (p < 0 or abs(G[k, k]) > abs(G[p, p])):
                 p = k
-        first = max(first, abs(A[p, p]))
-        if abs(A[p, p]) <= REDUNDANT * first:
+        first = max(first, abs(G[p, p]))
+        if abs(G[p, p]) <= REDUNDANT * first:
             break
-        used[p] = 1.0
-        for i in range(r):
-            if i != p:
-                part = A[i, p] / A[p, p]
-                for j in range(r + 1):
-                    A[i, j] -= part * A[p, j]
+        used[p], pivot = 1.0, 1.0 / G[p, p]
+        G[p, p] = 1.0 + 0.0 * z
+        for l in range(r):
+            G[p, l] *= pivot
+        for k in range(r):
+            if k != p:
+                part = G[k, p]
+                G[k, p] = 0.0 * z
+                for l in range(r):
+                    G[k, l] -= part * G[p, l]
     for k in range(r):
-        A[k, r] = A[k, r] / A[k, k] if used[k] > 0.0 else 0.0 * A[k, r]
+        for l in range(r):
+            G[k, l] = G[k, l] * weight[l] if used[k] * used[l] > 0.0 else 0.0 * z
 
 
 @recursion
-def take_off(x, Y, A, ties):
-    """x ← x − Y μ, where A (r, r + 1) is the small system of μ; its last column is then μ."""
-    solve_small(A, ties.used)
-    for k in range(len(A)):
+def take_off(x, answers, m):
+    """x ← x − Y μ, where μ = G b."""
+    Y, G, b, μ = answers.Y[m], answers.G[m], answers.b, answers.μ
+    for k in range(len(b)):
+        μ[k] = 0.0
+        for l in range(len(b)):
+            μ[k] += G[k, l] * b[l]
+    for k in range(len(b)):
         for j in range(len(x)):
-            x[j] -= A[k, len(A)] * Y[k, j]
+            x[j] -= μ[k] * Y[k, j]
 
 
 @recursion
 def hold(z, m, twice, T, Tinv, x, answers, ties):
     """Move x (n,), the solution for eigenvalue m without ties, by the ties, and update the stages' multipliers."""
-    J, Y, S, A = ties.middle, answers[0][m], answers[1][m], answers[2]
-    r, s = len(J), len(ties.λ)
+    J, r, s = ties.middle, len(ties.rows), len(ties.λ)
+    if ties.ranges[1] > 0:  # their slopes change from pass to pass
+        invert(z, False, answers, m, ties)
     for k in range(r):
-        off, moved, C = 0.0 * z, 0.0 * z, yielding(k, z, ties)
+        off, moved = 0.0 * z, 0.0 * z
         for i in range(s):
             off += Tinv[m, i] * ties.gap[i, k]
         for j in range(len(x)):
             moved += J[k, j] * x[j]
-        off = off / (z * z) if ties.law[k] == LAW.held else off * C
-        put_row(k, moved + off, C, S, A, ties, False)
-    take_off(x, Y, A, ties)
+        answers.b[k] = moved + (off / (z * z) if ties.law[k] == LAW.held else off * answers.C[m, k])
+    take_off(x, answers, m)
     for k in range(r):
         for i in range(s):
-            ties.λ[i, k] += twice * (T[i, m] * A[k, r]).real
+            ties.λ[i, k] += twice * (T[i, m] * answers.μ[k]).real
 
 
 @subroutine
@@ -307,7 +339,7 @@ def project(t, q, qd, work):
                 off = max(off, abs(g[k]))
         if held == 0 or (again > 0 and (off <= CLOSED * ties.size[0] or off >= before)):
             break
-        answer(ties.J, factors, ties.real, 0, work.vectors[VECTOR.rhs], work.posture)
+        answer(ties.J, factors, 0.0, True, ties.real, 0, work.posture, ties)
         move_by(g, q, ties)
         before = off
     ties.stored[1] = energy(g, ties)
@@ -330,52 +362,49 @@ def settle_on_ties(t, error, work):
 def move_by(g, q, ties):
     """q ← q − Y S⁻¹ g over all held rows, with the answers for the first real eigenvalue."""
     for k in range(len(g)):
-        put_row(k, g[k], 0.0, ties.real[1][0], ties.real[2], ties, True)
-    take_off(q, ties.real[0][0], ties.real[2], ties)
+        ties.real.b[k] = g[k]
+    take_off(q, ties.real, 0)
 
 
 @recursion
 def keep(z, e_q, e_v, y, work):
     """Change y (n,) such that J (e_v + y) = 0 at the middle of the step; springs resist e_q and e_v by their slopes."""
-    ties = work.ties
-    J, Y, S, A, r = ties.middle, ties.real[0][0], ties.real[1][0], ties.real[2], len(ties.rows)
+    ties, b = work.ties, work.ties.real.b
     if len(work.turning.dry) > 0:  # the factors have changed
-        answer(J, work.factors[0], ties.real, 0, work.vectors[VECTOR.tau], work.posture)
-    for k in range(r):
-        b, C = 0.0, yielding(k, z, ties)
+        answer(ties.middle, work.factors[0], z, False, ties.real, 0, work.posture, ties)
+    for k in range(len(b)):
+        b[k], by_spring = 0.0, ties.real.C[0, k] * z * ties.slope[0, k] if ties.law[k] >= LAW.spring else 0.0
         for j in range(len(y)):
-            b += J[k, j] * (e_v[j] + y[j])
-        if C != 0.0:
-            for j in range(len(y)):
-                b += C * z * ties.slope[0, k] * J[k, j] * e_q[j]
-        put_row(k, b, C, S, A, ties, False)
-    take_off(y, Y, A, ties)
+            b[k] += ties.middle[k, j] * (e_v[j] + y[j] + by_spring * e_q[j])
+    take_off(y, ties.real, 0)
 
 
 @recursion
-def pull_back(τ, δ, factors, r, posture, ties):
+def pull_back(τ, δ, factors, posture, ties):
     """Change a displacement δ (n,) in a time τ without ties, whose matrix has these factors, to that with ties."""
-    answer(ties.middle, factors, ties.again, 0, r, posture)
-    for k in range(len(ties.rows)):
-        moved = 0.0
+    b = ties.again.b
+    answer(ties.middle, factors, τ, False, ties.again, 0, posture, ties)
+    for k in range(len(b)):
+        b[k] = 0.0
         for j in range(len(δ)):
-            moved += ties.middle[k, j] * δ[j]
-        put_row(k, moved, yielding(k, τ, ties), ties.again[1][0], ties.again[2], ties, False)
-    take_off(δ, ties.again[0][0], ties.again[2], ties)
+            b[k] += ties.middle[k, j] * δ[j]
+    take_off(δ, ties.again, 0)
 
 
 @recursion
-def accelerate(state, work):
-    """Change q̈ at a start such that g̈ = 0 for held rows, by Jᵀ μ alone, and add the springs; factors contain rotors.
+def accelerate(t, q, qd, qdd, work):
+    """Add the springs to q̈ by the laws of the step, and change it such that g̈ = 0 for held rows, by Jᵀ λ alone.
 
-    J̇ q̇ is a central difference along q̇, of a relative error of 1e-9, since q̈ at a start serves the error estimate only.
+    Returns the power beside that of E. J̇ q̇ is a central difference along q̇, of a relative error of about 1e-10.
     """
-    t, q, qd, qdd = work.stepper[STEPPER.time], state[0], state[1], state[2]
-    ties, n, r, x = work.ties, len(state[0]), len(work.ties.rows), work.vectors[VECTOR.solution]
-    fastest, g, near, Y = 0.0, ties.gap[0], ties.off[0], ties.real[0][0]
+    ties, n, r, x = work.ties, len(q), len(work.ties.rows), work.vectors[VECTOR.solution]
+    fastest, power, g, near, Y = 0.0, 0.0, ties.gap[0], ties.off[0], ties.real.Y[0]
     for k in range(n):
         fastest = max(fastest, abs(qd[k]))
+        work.factors[0, k, FACTORS.A] = work.chain.hinges[k].armature
     place_bodies(q, work.posture)
+    if work.posture.first is not None and len(work.posture.first) > 0:
+        put_couplings(0.0, 0.0, work.posture.coupled, work.factors[0])
     factor(work.factors[0], work.posture)
     nudge = 1e-5 / max(fastest, 1e-300)
     for k in range(r):
@@ -389,18 +418,22 @@ def accelerate(state, work):
             for j in range(n):
                 g[k] += sign * ties.J[k, j] * qd[j] / (2.0 * nudge)
     find_at(t, q, near, ties, work.chain)
-    answer(ties.J, work.factors[0], ties.real, 0, work.vectors[VECTOR.rhs], work.posture)
+    answer(ties.J, work.factors[0], 0.0, True, ties.real, 0, work.posture, ties)
     for k in range(r):
-        ties.off[1, k] = rate(k, qd, ties)
-    spring_forces(ties.rows, near, ties.off[1], ties.slope[0], ties.slope[1])
-    for k in range(r):
-        for j in range(n):
-            qdd[j] -= ties.slope[0, k] * Y[k, j]
+        row, law, v = ties.rows[k], ties.law[k], rate(k, qd, ties)
+        if law != LAW.held:
+            λ, ties.slope[0, k], ties.slope[1, k] = multiplier(row, law, near[k], v, ties.moved[0, k])
+            power += power_beside(row, law, near[k], v, λ, ties.moved[0, k], ties.moved[1, k])
+            for j in range(n):
+                qdd[j] -= λ * Y[k, j]
     for k in range(r):
         g[k] -= ties.moved[2, k]
         for j in range(n):
             g[k] += ties.J[k, j] * qdd[j]
     move_by(g, qdd, ties)
+    for k in range(r):
+        power -= ties.real.μ[k] * ties.moved[1, k]  # of held rows; springs have no part in this system
+    return power
 
 
 @recursion
@@ -409,16 +442,9 @@ def beyond_law(t, q, qd, work):
     ties, largest = work.ties, -math.inf
     find_at(t, q, ties.gap[0], ties, work.chain)
     for k in range(len(ties.rows)):
-        row, law, off = ties.rows[k], ties.law[k], -math.inf
-        g, v = ties.gap[0, k], rate(k, qd, ties)
-        if law == LAW.high:
-            off = -pressed(row, 1.0, g, v)
-        elif law == LAW.low:
-            off = -pressed(row, -1.0, g, v)
-        elif law == LAW.free:
-            off = max(pressed(row, 1.0, g, v), pressed(row, -1.0, g, v))
-        ties.off[0, k] = off
-        largest = max(largest, off)
+        v = rate(k, qd, ties)
+        ties.off[0, k] = out_of_range(ties.rows[k], ties.law[k], ties.gap[0, k], v, ties.moved[0, k])
+        largest = max(largest, ties.off[0, k])
     return largest
 
 
