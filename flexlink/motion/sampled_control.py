@@ -267,6 +267,9 @@ def control_of(
             "specify only one: scene.varied({'drive': None}) removes the drive",
             id="both-given",
         )
+    if rate is None and problem.ties is not None:
+        why = "control: with ties, a control law needs a rate; specify rate"
+        raise ArgumentError(why, id="controller-needs-rate")
     if rate is None and not problem.explicit:
         what = (
             "the default tolerance"

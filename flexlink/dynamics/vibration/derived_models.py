@@ -138,17 +138,11 @@ def _values(matrices: Matrices, period: float, late: Sequence[Delay], time: floa
 Solve = Callable[[Array], Array]  # S x, or Sᵀ x, for columns x
 
 
-class SlowPart(NamedTuple):
-    """Slow part of a linear system, and the static response of the rest."""
+def slow_part(A: Array, B: Array, C: Array, count: int) -> tuple[Array, Array, Array, Array]:
+    """A_r (r, r), V and W (n, r) of the slow part x = V x_r, x_r = Wᵀ x; −P A⁻¹ B (n, m), the static rest.
 
-    A: Array  # A_r, (r, r)
-    basis: Array  # V, (n, r): x = V x_r
-    dual: Array  # W, (n, r): x_r = Wᵀ x
-    static: Array  # −P A⁻¹ B, (n, m)
-
-
-def slow_part(A: Array, B: Array, C: Array, count: int) -> SlowPart:
-    """The `count` slowest states, or more where states of equal |λ| would be parted, such as complex pairs."""
+    These are the `count` slowest states, or more where states of equal |λ| would be parted, such as complex pairs.
+    """
     A, (scale, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
     B, C, n = B / scale[:, None], C * scale, len(A)
     σ = 1e-5 * float(np.abs(A).max())
@@ -162,7 +156,7 @@ def slow_part(A: Array, B: Array, C: Array, count: int) -> SlowPart:
     slow = before * np.eye(len(T)) + np.linalg.inv(T)
     fast = A - V @ ((slow + σ * np.eye(len(T))) @ W.T)  # the slow eigenvalues are moved to −σ
     static = np.asarray(-np.linalg.solve(fast, B - V @ (W.T @ B)))
-    return SlowPart(slow, V * scale[:, None], W / scale[:, None], static * scale[:, None])
+    return (slow, V * scale[:, None], W / scale[:, None], static * scale[:, None])
 
 
 def invariant(solve: Solve, start: Array, σ: float, count: int) -> tuple[Array, Array, float]:

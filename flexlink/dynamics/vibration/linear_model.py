@@ -201,11 +201,11 @@ class LinearModel(SavedResult):
             raise ArgumentError(why, id="both-given")
         if hertz is not None:
             states = int((np.abs(self.eigenvalues) <= 2 * np.pi * positive("hertz", hertz)).sum())
-        slow = slow_part(self.A, self.B, self.C, integer("states", states, 1, len(self.A)))
-        size = len(slow.A)
+        A, V, W, static = slow_part(self.A, self.B, self.C, integer("states", states, 1, len(self.A)))
+        names = tuple(f"slow {k}" for k in range(1, len(A) + 1))
         return dataclasses.replace(
-            self, A=slow.A, B=slow.dual.T @ self.B, C=self.C @ slow.basis, D=self.D + self.C @ slow.static,
-            x=np.zeros(size), rate=slow.dual.T @ self.rate, states=tuple(f"slow {k}" for k in range(1, size + 1)),
+            self, A=A, B=W.T @ self.B, C=self.C @ V, D=self.D + self.C @ static,
+            x=np.zeros(len(A)), rate=W.T @ self.rate, states=names,
         )  # fmt: skip
 
     def balanced(self, states: int) -> tuple[LinearModel, float]:

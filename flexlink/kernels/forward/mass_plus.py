@@ -4,7 +4,7 @@ The type of the posture selects the recursion for a plane or for space, as in `f
 springs are coupled: if `first` is None, no code for cells is compiled. All numbers except the posture's may be complex.
 """
 
-from flexlink.kernels.forward.mass_plus_cells import columns
+from flexlink.kernels.forward.mass_plus_cells import columns, put_couplings
 from flexlink.kernels.forward.mass_plus_plane import (
     PlanePosture,
     displacement_in_plane,
@@ -74,6 +74,13 @@ def factor_by_type(factors, posture):
 def factor_cells(factors, posture):
     """`factor` for a chain with cells; not inlined into other kernels because such chains are rare."""
     factor_by_type(factors, posture)
+
+
+@inlined
+def shift_cells(z, factors, posture):
+    """Write A_kj = z D_kj + z² K_kj of coupled springs to `factors`; a chain without them has none."""
+    if posture.first is not None and len(posture.first) > 0:
+        put_couplings(z, z * z, posture.coupled, factors)
 
 
 @recursion

@@ -24,8 +24,8 @@ stated error of a run.
 import math
 from typing import Any, NamedTuple
 
-from flexlink.kernels.forward.mass_plus import displacement, factor, solve
-from flexlink.kernels.forward.mass_plus_cells import FACTORS, add_products, put_couplings
+from flexlink.kernels.forward.mass_plus import displacement, factor, shift_cells, solve
+from flexlink.kernels.forward.mass_plus_cells import FACTORS, add_products
 from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.stepping.ties import pull_back
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
@@ -104,8 +104,8 @@ def displace(τ, e_v, springs, posture, chain):
     for k in range(len(e_v)):
         held = implicit_rotor(τ, k, springs, chain)
         factors[k, FACTORS.A], r[k] = chain.hinges[k].armature + held, -τ * held * e_v[k]
+    shift_cells(τ, factors, posture)
     if posture.first is not None and len(posture.first) > 0:
-        put_couplings(τ, τ * τ, posture.coupled, factors)
         add_products(-τ * τ, -τ * τ * τ, chain.rare, e_v, r)
     factor(factors, posture)
     solve(factors, r, δ, posture)
@@ -127,8 +127,7 @@ def thrown(τ, springs, posture, chain):
     factors, r, δ = springs.factors, springs.r, springs.δ
     for k in range(len(r)):
         factors[k, FACTORS.A] = chain.hinges[k].armature + implicit_rotor(τ, k, springs, chain)
-    if posture.first is not None and len(posture.first) > 0:
-        put_couplings(τ, τ * τ, posture.coupled, factors)
+    shift_cells(τ, factors, posture)
     factor(factors, posture)
     solve(factors, r, δ, posture)
     return displacement(δ, posture)

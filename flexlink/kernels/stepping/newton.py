@@ -29,9 +29,10 @@ from flexlink.kernels.forward.mass_plus import (
     factor,
     place_bodies,
     posture_of_stage,
+    shift_cells,
     solve,
 )
-from flexlink.kernels.forward.mass_plus_cells import COUPLED, FACTORS, add_products, put_couplings
+from flexlink.kernels.forward.mass_plus_cells import COUPLED, FACTORS, add_products
 from flexlink.kernels.stepping.error_norm import held
 from flexlink.kernels.stepping.implicit_layout import STAGE, VECTOR, WEIGHT
 from flexlink.kernels.stepping.step_state import STEPPER
@@ -69,8 +70,7 @@ def shift_rotors(z, rates, factors, work):
     for k in range(len(factors)):
         resists = slope(work, k, rates[k]) + z * held(k, work.springs, work.chain)
         factors[k, FACTORS.A] = work.chain.hinges[k].armature + z * resists
-    if work.posture.first is not None and len(work.posture.first) > 0:
-        put_couplings(z, z * z, work.posture.coupled, factors)
+    shift_cells(z, factors, work.posture)
 
 
 @recursion
@@ -108,8 +108,7 @@ def factor_stages(h, work):
         place_bodies(work.stages[STAGE.q, i], posture)
         for k in range(len(factors)):
             factors[k, FACTORS.A] = work.factors[0, k, FACTORS.A]
-        if work.posture.first is not None and len(posture.first) > 0:
-            put_couplings(z, z * z, posture.coupled, factors)
+        shift_cells(z, factors, posture)
         factor(factors, posture)
 
 

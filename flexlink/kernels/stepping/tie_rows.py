@@ -27,7 +27,6 @@ TIE = np.dtype(
     align=True,
 )  # fmt: skip
 EMPTY = -101325.0  # pressure [Pa], relative to air, of a chamber that the oil does not fill
-ROUNDING = 1e-12  # largest slope of a row, relative to the distance of its points from the origin, that is an error
 SOFTEST = 0.05  # smallest slope ∂λ/∂g of a range, relative to k, in Newton's matrix
 LAW = numbered("free held spring high low oil bore_empty rod_empty")
 """Law of a row in a step; high, low: at this end of its range. From `spring` on, laws have a spring; from `oil` on, a
@@ -45,6 +44,7 @@ def place(body, point, placed):
 @entry
 def find_rows(chain, rows, length, q, placed, g, J):
     """Write g (r,) and J (r, n) at angles q; `length` (r,) is l where it moves, and `placed` is scratch."""
+    rounding = 1e-12  # largest slope of a row, relative to the distance of its points from the origin, that is an error
     kinematics(chain, q, placed)
     for k in range(len(rows)):
         row = rows[k]
@@ -68,7 +68,7 @@ def find_rows(chain, rows, length, q, placed, g, J):
         largest = 0.0
         for j in range(len(q)):
             largest = max(largest, abs(J[k, j]))
-        if largest <= ROUNDING * (math.sqrt(dot(a, a)) + math.sqrt(dot(b, b))):
+        if largest <= rounding * (math.sqrt(dot(a, a)) + math.sqrt(dot(b, b))):
             for j in range(len(q)):
                 J[k, j] = 0.0
 

@@ -45,8 +45,8 @@ The work of all forces contains the energy E that springs store, as a function o
 import math
 from typing import Any, NamedTuple
 
-from flexlink.kernels.forward.mass_plus import factor, place_bodies, solve
-from flexlink.kernels.forward.mass_plus_cells import FACTORS, put_couplings
+from flexlink.kernels.forward.mass_plus import factor, place_bodies, shift_cells, solve
+from flexlink.kernels.forward.mass_plus_cells import FACTORS
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.stepping.implicit_layout import VECTOR
 from flexlink.kernels.stepping.step_state import STEPPER
@@ -403,8 +403,7 @@ def accelerate(t, q, qd, qdd, work):
         fastest = max(fastest, abs(qd[k]))
         work.factors[0, k, FACTORS.A] = work.chain.hinges[k].armature
     place_bodies(q, work.posture)
-    if work.posture.first is not None and len(work.posture.first) > 0:
-        put_couplings(0.0, 0.0, work.posture.coupled, work.factors[0])
+    shift_cells(0.0, work.factors[0], work.posture)
     factor(work.factors[0], work.posture)
     nudge = 1e-5 / max(fastest, 1e-300)
     for k in range(r):
