@@ -15,22 +15,11 @@ bends["damping"] = fl.Damping(ratio=0.01, at_hz=2.0)
 boom = fl.Link(name="boom", length=6.0, section="boom", **bends)
 jib = fl.Link(name="jib", length=5.0, section="jib", **bends)
 oil = {"kind": "distance", "stiffness": 8e6, "damping": 4e4, "times": (0.0, 4.0)}  # N/m, N s/m, s
-lift = fl.details.Tie(
-    name="lift",
-    link="boom",
-    point=(2.0, -0.15, 0.0),  # m, on the boom
-    to={"point": (0.4, -1.2, 0.0)},  # m, on the column
-    lengths=(2.32, 2.82),  # m
-    **oil,
-)
-fold = fl.details.Tie(
-    name="fold",
-    link="jib",
-    point=(0.0, 0.6, 0.0),  # m, on a lever of the jib, which the film does not show
-    to={"link": "boom", "point": (3.5, 0.35, 0.0)},
-    lengths=(3.02, 2.76),
-    **oil,
-)
+ends = {"point": (2.0, -0.15, 0.0), "to": {"point": (0.4, -1.2, 0.0)}}  # m, on boom and column
+lift = fl.details.Tie(name="lift", link="boom", lengths=(2.32, 2.82), **ends, **oil)  # m
+# Points of boom and of a lever of the jib, which the film does not show [m].
+ends = {"point": (0.0, 0.6, 0.0), "to": {"link": "boom", "point": (3.5, 0.35, 0.0)}}
+fold = fl.details.Tie(name="fold", link="jib", lengths=(3.02, 2.76), **ends, **oil)
 scene = fl.Scene(
     name="loader crane",
     arm=fl.Arm(

@@ -1,8 +1,8 @@
 """A palletizer with parallelograms
-=================================
+================================
 
-Two rods, each parallel to a link, keep a palletizer's hand level without a motor at the wrist. Does it stay level when the
-links bend? A ``distance`` tie is a rod; with ``stiffness`` it is elastic.
+Two rods, each parallel to a link, keep a palletizer's hand level, without a motor at the wrist. Also if the links bend?
+A ``distance`` tie is a rod; with ``stiffness`` it is elastic.
 """
 
 import matplotlib.pyplot as plt
@@ -16,24 +16,11 @@ upper = fl.Link(name="upper", length=1.2, section="upper", **bends)  # m
 plate = fl.Link(name="plate", on="upper", hub=fl.RigidBody(mass=5.0, inertia=(0.1, 0.1, 0.1)))
 fore = fl.Link(name="fore", on="upper", length=1.3, section="fore", **bends)
 hand = fl.Link(name="hand", on="fore", line=((0.0, 0.0, 0.0), (0.1, -0.4, 0.0)))
-rods = (
-    fl.details.Tie(
-        name="rear rod",
-        kind="distance",
-        link="plate",
-        point=(-0.25, 0.0, 0.0),  # m
-        to={"point": (-0.25, 0.0, 0.0)},
-        length=1.2,
-    ),
-    fl.details.Tie(
-        name="top rod",
-        kind="distance",
-        link="hand",
-        point=(0.0, 0.25, 0.0),
-        to={"link": "plate", "point": (0.0, 0.25, 0.0)},
-        length=1.3,
-    ),
-)
+rear, top = (-0.25, 0.0, 0.0), (0.0, 0.25, 0.0)  # m, from joints to ends of rods
+rod = {"kind": "distance", "point": rear, "to": {"point": rear}, "length": 1.2}
+rear_rod = fl.details.Tie(name="rear rod", link="plate", **rod)
+rod |= {"point": top, "to": {"link": "plate", "point": top}, "length": 1.3}
+top_rod = fl.details.Tie(name="top rod", link="hand", **rod)
 reference = fl.Reference(profile="quintic", to_deg=(60.0, -60.0, -90.0, 30.0), duration=1.2)
 gains = {"kp": (4e6, 0.0, 4e6, 0.0), "kd": (1e5, 0.0, 1e5, 0.0)}  # N m/rad, N m s/rad
 scene = fl.Scene(
@@ -49,7 +36,7 @@ scene = fl.Scene(
     ),
     gravity=(0.0, -9.81, 0.0),  # m/s²; Y is up
     initial=fl.InitialState(joint_deg=(120.0, -120.0, -130.0, 10.0), passive="static"),
-    tie=rods,
+    tie=(rear_rod, top_rod),
     drive=fl.Drive(kind="pd", reference=reference, **gains),
     run=fl.RunSettings(tolerance=1e-4, duration=2.0, sample=0.01, outputs=("loads",)),
 )
@@ -57,8 +44,8 @@ run = fl.simulate(scene)
 run.animate("palletizer.gif", fps=12.5, speed=0.5, width=480)
 
 # %%
-# Tilt of the hand: with these rods, with rods and bearings of 20 MN/m, and with a stiff motor at the wrist in their place.
-# The motor sees angles of joints, but no bending. Rods keep the hand level, since bending moves their ends sideways only.
+# Tilt of the hand: with these rods, with rods and bearings of 20 MN/m, and with a stiff motor at the wrist instead. The
+# motor sees joints, but no bending. Rods keep the hand level, because bending moves their ends sideways only.
 wrist = {"drive.kp": (4e6, 0.0, 4e6, 1e6), "drive.kd": (1e5, 0.0, 1e5, 1e4)}
 serial = scene.varied({"tie": ()}).varied({"link.plate.joint.locked": True, **wrist})
 steel_rods = scene.varied({"tie.*.stiffness": 2e7, "tie.*.damping": 2e3})  # N/m, N s/m

@@ -41,7 +41,7 @@ def view_of(chain: Chain) -> View:
     """View of a planar arm perpendicular to its plane of motion; of a spatial arm, obliquely from above."""
     gravity = float(np.linalg.norm(chain.gravity))
     vertical = -chain.gravity / gravity if gravity else np.array([0.0, 0.0, 1.0])
-    if not chain.slides.any() and chain.all_axes_parallel_to(chain.axes[0]):  # also trees, unlike `is_planar`
+    if chain.turns_in_plane:
         return View(_across(chain.axes[0], vertical, bool(gravity)), False, vertical)
     first = _level(vertical)
     second = np.cross(vertical, first)
