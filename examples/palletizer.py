@@ -49,7 +49,7 @@ run.animate("palletizer.gif", fps=12.5, speed=0.5, width=480)
 wrist = {"drive.kp": (4e6, 0.0, 4e6, 1e6), "drive.kd": (1e5, 0.0, 1e5, 1e4)}
 serial = scene.varied({"tie": ()}).varied({"link.plate.joint.locked": True, **wrist})
 steel_rods = scene.varied({"tie.*.stiffness": 2e7, "tie.*.damping": 2e3})  # N/m, N s/m
-scenes = {"motor at the wrist": serial, "elastic rods": steel_rods, "rigid rods": scene}
+scenes = {"wrist motor": serial, "elastic rods": steel_rods, "rigid rods": scene}
 fig, panel = plt.subplots(figsize=(5, 3.2), layout="constrained")
 tilt = {}
 for name, each in scenes.items():

@@ -26,6 +26,7 @@ from flexlink.common.wording import plural, short_list
 from flexlink.describe.run_settings import AUTO
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
+from flexlink.describe.tie import refuse_ties
 from flexlink.dynamics.notes import is_free_fall
 from flexlink.motion.evaluation_cost import run_cost
 from flexlink.motion.simulate import simulate
@@ -86,6 +87,7 @@ def advise(
     >>> small = fl.simulate(found.scene)
     """
     scene = checked_scene(require_type("scene", scene, Scene))
+    refuse_ties(scene.tie)
     goal = goal_of(tip, deflection=require_bool("deflection", deflection), band=band, run=scene.run)
     require_one_of("measure", measure, dict.fromkeys(get_args(Measure)))
     return Advisor(scene, goal, positive("budget", budget), measure).advice()

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from flexlink.advice.model import Bend, Model, with_model
 from flexlink.chain.chain import Chain
-from flexlink.chain.lumping import lump
+from flexlink.chain.lumping import lump, open_chain
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.interruption import Stop, deferred
 from flexlink.common.types import Array
@@ -70,7 +70,7 @@ class ModelRunner:
     def chain(self, model: Model) -> Chain:
         """The scene's chain with a model."""
         if model not in self._chains:
-            self._chains[model] = lump(with_model(self.scene, model))
+            self._chains[model] = lump(open_chain(with_model(self.scene, model)))
         return self._chains[model]
 
     def scene_of(self, model: Model, stepping: Stepping) -> Scene:
@@ -114,7 +114,7 @@ class ModelRunner:
             scene = self.scene_of(model, stepping)
             scene = scene if initial is None else replace(scene, initial=initial)
             with deferred() as stop:
-                run = self._finish(SingleRun(problem_of(scene, self.chain(model))), stop)
+                run = self._finish(SingleRun(problem_of(scene, self.chain(model), tied=True)), stop)
         except DivergenceError as error:
             run, reason = error.trajectory, str(error)
         except FlexlinkError as error:

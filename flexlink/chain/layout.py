@@ -153,11 +153,6 @@ class Layout:
         return bool(np.abs(across).max() <= 16 * turns * np.finfo(np.float64).eps)
 
     @functools.cached_property
-    def turns_in_plane(self) -> bool:
-        """Whether all joints turn about parallel axes; unlike `is_planar`, also in trees."""
-        return not self.slides.any() and self.all_axes_parallel_to(self.axes[0])
-
-    @functools.cached_property
     def is_planar(self) -> bool:
         """Whether all hinge axes are parallel or opposite, so that the arm moves only in one plane.
 

@@ -86,7 +86,7 @@ def _examined(scene: Scene) -> tuple[dict[str, Any], Modes | None]:
         "first_elastic_hz": elastic_hertz(scene, chain, q) if found is not None and not tied else None,
         "fastest_eigenvalue_per_s": float(np.abs(λ).max()), "slowest_elastic_rad_per_s": slowest,
         "stable_steps": [] if tied else list(_stable_steps(scene, chain, λ, undamped)),
-        "notes": with_ids((*defaults(opened), *notes(opened))),
+        "notes": with_ids((*defaults(scene), *notes(scene))),
     }, None if bare is chain else found  # fmt: skip
 
 

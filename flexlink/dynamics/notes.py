@@ -9,7 +9,7 @@ import numpy as np
 
 from flexlink.chain.arguments import require_type
 from flexlink.chain.chain import Chain
-from flexlink.chain.lumping import lump
+from flexlink.chain.lumping import lump, open_chain
 from flexlink.chain.odd_bodies import of_odd_bodies
 from flexlink.common.errors import Diagnostic
 from flexlink.common.types import Array
@@ -34,7 +34,8 @@ ENOUGH_HINGES = 3
 def notes(scene: Scene) -> tuple[Diagnostic, ...]:
     """Notes on probably unintended input: keys without effect, an unusual start. Each names a remedy."""
     require_type("scene", scene, Scene)
-    start = _parallel_gravity, _odd_reference, slack_springs, unheld_joints, weak_gains, weak_drives, balance
+    at_rest = () if scene.tie else (slack_springs, unheld_joints, weak_gains, weak_drives, balance)  # ties hold joints
+    start, scene = (_parallel_gravity, _odd_reference, *at_rest), open_chain(scene)
     unusual = _tip_without_length, _falling_base, _few_hinges, _on_edge
     with np.errstate(all="ignore"):  # values beyond float64 are refused when a run is built from them
         return *(note for each in (*start, _unused, *unusual) for note in each(scene)), *of_odd_bodies(scene.arm)
@@ -42,7 +43,8 @@ def notes(scene: Scene) -> tuple[Diagnostic, ...]:
 
 def defaults(scene: Scene) -> tuple[Diagnostic, ...]:
     """Defaults that determine the result: gravity, the width of dry friction, and the step or tolerance."""
-    return tuple(note for each in (_unsaid_gravity, _width_of_friction, _unsaid_steps) for note in each(scene))
+    found = _unsaid_gravity, _width_of_friction, _unsaid_steps
+    return tuple(note for each in found for note in each(open_chain(scene)))
 
 
 def _unsaid_gravity(scene: Scene) -> Iterator[Diagnostic]:

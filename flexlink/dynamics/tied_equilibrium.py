@@ -48,7 +48,7 @@ def tied_equilibrium(
         K += np.tensordot(λ, bends(ties, chain, q), 1)
         reduced, border = B.T @ K @ B, J[exact] @ B
         r, f, least = len(border), len(reduced), _least(reduced, border)
-        stable = least > -1e-9 * np.abs(reduced).max(initial=0.0)
+        stable = least >= -1e-9 * np.abs(reduced).max(initial=0.0)
         if not stable:  # away from unstable equilibria
             reduced = reduced - 2.0 * least * np.eye(f)
         matrix = np.block([[reduced, border.T], [border, np.zeros((r, r))]])

@@ -11,10 +11,12 @@ from numpy.typing import ArrayLike
 from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import SPRINGS
 from flexlink.chain.layout import as_lines, base_body, sliding_bodies, unslid
-from flexlink.chain.lumping import lump
+from flexlink.chain.lumping import lump, open_chain
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import frames
+from flexlink.dynamics.tied_motion import rods_of
+from flexlink.dynamics.ties import poses
 from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
 from flexlink.pages.style import WIDTH, legend_over
@@ -25,20 +27,26 @@ from flexlink.results.pictures.view import View, views_of
 
 def plot_scene(scene: Scene) -> Figure:
     """Plot the arm in the initial state of the scene; errors are listed at `initial_state`."""
-    chain = lump(scene)
-    return plot_chain(chain, initial_state(scene, chain)[0])
+    chain = lump(open_chain(scene))
+    return plot_chain(chain, initial_state(scene, chain)[0], scene)
 
 
 @literal
-def plot_chain(chain: Chain, q: ArrayLike | None) -> Figure:
-    """Plot the arm at the angles q (n,) [rad]; if q is None, with joints at zero and springs relaxed."""
-    placed = frames(chain, chain.rest if q is None else np.asarray(q))
+def plot_chain(chain: Chain, q: ArrayLike | None, scene: Scene | None = None) -> Figure:
+    """Plot the arm at the angles q (n,) [rad], with the scene's rods; without q at joints zero and springs relaxed."""
+    q = chain.rest if q is None else np.asarray(q, dtype=float)
+    placed, rods = frames(chain, q), np.zeros((0, 2, 3))
+    if scene is not None and scene.tie:
+        (R, p), (ends, places) = poses(chain, q), rods_of(scene, chain)
+        rods = (p[ends - 1] + np.einsum("kij,kj->ki", R[ends - 1], places)).reshape(-1, 2, 3)
     points, rails = placed.points, unslid(chain, placed.rotations, placed.points)
-    seen = np.concatenate([of_arm(chain, points), rails[sliding_bodies(chain)]])
+    seen = np.concatenate([of_arm(chain, points), rails[sliding_bodies(chain)], rods.reshape(-1, 3)])
     views = views_of(chain, seen)
     figure, axes = panels(views, chain, seen)
     for panel, view in zip(axes, views, strict=True):
         draw_arm(panel, view, points, chain, rails)
+        for k, rod in enumerate(rods):
+            panel.plot(*view.flat(rod), color=GREY, linewidth=1.6, zorder=2, label="" if k else "rods")
     legend_over(axes[0], figure=figure)
     return figure
 

@@ -21,8 +21,8 @@ from flexlink.scene_report.study import Study
 
 CHAPTERS = {
     "model": ("Model", "Model"),
-    "statics": ("Static deflection, joints locked", "Statics"),
-    "vibration": ("Vibration modes, joints locked", "Modes"),
+    "statics": ("Static deflection", "Statics"),
+    "vibration": ("Vibration modes", "Modes"),
     "loads": ("Loads and drive torques", "Loads"),
     "motion": ("Motion", "Motion"),
     "settling": ("Settling", "Settling"),

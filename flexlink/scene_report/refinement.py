@@ -166,7 +166,7 @@ class Refinement:
     @cached_property
     def scale(self) -> float:
         """CPU time of evaluations on this machine, relative to the times listed in `motion.evaluation_cost`."""
-        return machine_factor(problem_of(self.scene, self.chain))
+        return machine_factor(problem_of(self.scene, self.chain, tied=True))
 
     def choices(self) -> list[Choice]:
         """Return the scene's run, followed by the alternatives."""

@@ -9,15 +9,15 @@ from typing import Any
 
 from flexlink.advice.model_runner import ModelRunner
 from flexlink.chain.chain import Chain
-from flexlink.chain.lumping import lump
+from flexlink.chain.lumping import lump, open_chain
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics import rounding
-from flexlink.dynamics.equilibrium import Equilibrium
-from flexlink.dynamics.vibration.steady import rest_of
-from flexlink.motion.inputs.actuation import initial_wrench
-from flexlink.motion.inputs.initial_state import initial_state
+from flexlink.dynamics.equilibrium import Equilibrium, solve_static
+from flexlink.dynamics.placement import unbent
+from flexlink.motion.inputs.actuation import initial_wrench, input_arrays
+from flexlink.motion.inputs.initial_state import held_joints, initial_state
 from flexlink.motion.simulate import simulate
 from flexlink.results.tip_motion import tip_travel
 from flexlink.results.trajectory import Trajectory, deflections
@@ -38,8 +38,8 @@ class Study:
 
     @cached_property
     def chain(self) -> Chain:
-        """The scene's chain."""
-        return lump(self.scene)
+        """The scene's chain, as if its ties were cut."""
+        return lump(open_chain(self.scene))
 
     @cached_property
     def start(self) -> tuple[Array, Array]:
@@ -93,5 +93,18 @@ class Study:
 
     @cached_property
     def rest(self) -> Equilibrium:
-        """Static equilibrium with the driven joints locked at their initial positions."""
-        return rest_of(self.chain, self.start[0], **self.load)
+        """Static equilibrium with the `held` joints at their initial positions."""
+        q = self.start[0] if self.scene.tie else unbent(self.chain, self.start[0])
+        return solve_static(self.chain, q, locked=self.held, ties=self.scene, **self.load)
+
+    @cached_property
+    def held(self) -> list[int]:
+        """Joints that do not move in statics and modes: the driven ones; with ties, which move others, those held."""
+        found = held_joints(input_arrays(self.scene, self.chain)) if self.scene.tie else self.chain.active
+        return list(found.tolist())
+
+    @property
+    def holding(self) -> str:
+        """What holds the joints in statics and modes."""
+        tied = bool(self.scene.tie)
+        return ", ".join(["driven joints locked"] * bool(self.held or not tied) + ["ties closed"] * tied)

@@ -118,7 +118,7 @@ def test_the_palletizers_hand_tilts_by_strained_rods_or_by_the_slopes_of_its_bea
     moment, W, g = 60.0 * 9.81 * 0.1, 60.0 * 9.81, 9.81  # N m, N, m/s²
     arms = 0.25 * np.array([np.sin(np.radians(120.0)), np.cos(np.radians(10.0))])  # m, of the rods
     assert tilt["elastic rods"] - tilt["rigid rods"] == pytest.approx(-np.sum(moment / arms**2 / 2e7), rel=2e-3)
-    assert abs(tilt["rigid rods"]) < 1e-3 * abs(tilt["motor at the wrist"])
+    assert abs(tilt["rigid rods"]) < 1e-3 * abs(tilt["wrist motor"])
     (EI, w), (EI_f, w_f) = (
         (210e9 * (h**4 - i**4) / 12, 7850.0 * g * (h**2 - i**2)) for h, i in ((0.1, 0.092), (0.08, 0.074))
     )
@@ -126,7 +126,7 @@ def test_the_palletizers_hand_tilts_by_strained_rods_or_by_the_slopes_of_its_bea
     fore = (reach * (W * L / 2 + w_f * L**2 / 6) + moment * L) / EI_f
     at_elbow = W * reach + moment + w_f * L * reach / 2
     upper = (at_elbow * 1.2 - 0.5 * ((W + w_f * L + 5 * g) * 1.2**2 / 2 + w * 1.2**3 / 6)) / EI
-    assert -tilt["motor at the wrist"] == pytest.approx(fore + upper, rel=1e-2)
+    assert -tilt["wrist motor"] == pytest.approx(fore + upper, rel=1e-2)
 
 
 @pytest.mark.slow

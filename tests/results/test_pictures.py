@@ -105,6 +105,9 @@ def test_a_planar_arm_is_viewed_perpendicular_to_its_plane() -> None:
         )
         assert abs(view_of(chain).axes[2] @ chain.axes[0]) == pytest.approx(1.0)
         assert not view_of(chain).spatial
+    for joint in (fl.Joint(), fl.Joint(axis=(0.0, 1.0, 0.0))):
+        tree = fl.lump(make_scene(flexible("a"), flexible("b"), flexible("c", on="a", joint=joint)))
+        assert view_of(tree).spatial is (joint != fl.Joint())
 
 
 def test_without_gravity_a_planar_arm_is_viewed_with_x_to_the_right() -> None:

@@ -434,6 +434,33 @@ class TestGantry:
         assert abs(torque) == pytest.approx(G * lever * (60 + weight / 2), rel=0.02)
 
 
+@pytest.mark.slow
+def test_the_report_of_an_arm_on_a_cylinder_has_all_chapters_its_force_and_its_frequency(tmp_path: Path) -> None:
+    """The cylinder is vertical under the level arm, so its force has no part in the stiffness k a² about the joint."""
+    mass, length, a, k = 30.0, 2.0, 0.5, 4e5  # kg, m, m, N/m
+    force, at = mass * G * length / a, {"point": [a, -1.0, 0.0]}
+    oil = {
+        "name": "oil",
+        "kind": "distance",
+        "link": "arm",
+        "x": a,
+        "to": at,
+        "length": 1.0 + force / k,
+        "stiffness": k,
+    }
+    scene = make_scene(fl.Link(name="arm", length=length), tip=fl.RigidBody(mass=mass), gravity=(0.0, -G, 0.0)).varied(
+        {"tie": [oil], "initial.passive": "static", "run": {"duration": 0.1, "sample": 0.01, "tolerance": 1e-6}}
+    )
+    study = Study(scene)
+    shown = picture(made("loads", study), "ties")["oil [N]"]
+    np.testing.assert_allclose(shown, -force, rtol=1e-9)
+    (hertz,) = table(made("vibration", study), "modes")["frequency [Hz]"]
+    assert hertz == pytest.approx(np.sqrt(k / mass) * a / length / (2 * np.pi), rel=1e-9)
+    written = report(scene, tmp_path)
+    assert written.failures == ()
+    assert [each.state for each in written.verdicts if each.about in ("Run", "Energy")] == ["pass"]
+
+
 def test_a_rigid_arm_and_its_report_have_no_bending_stress() -> None:
     rigid = make_scene(fl.Link(name="a", length=1.0), tip=fl.RigidBody(mass=1.0)).varied({"run.duration": 0.01})
     assert peak_stress(fl.simulate(rigid)) is None

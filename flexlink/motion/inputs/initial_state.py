@@ -10,7 +10,7 @@ from flexlink.chain.arguments import require_type
 from flexlink.chain.chain import Chain
 from flexlink.chain.shapes import on_shapes
 from flexlink.common.errors import SceneError
-from flexlink.common.types import Array
+from flexlink.common.types import Array, Indices
 from flexlink.common.wording import truncated
 from flexlink.describe.joint_units import IN_METRES
 from flexlink.describe.scene import Scene
@@ -80,8 +80,7 @@ def state_under(inputs: Inputs, scene: Scene, chain: Chain, ties: Ties | None = 
         from flexlink.dynamics.tied_equilibrium import tied_equilibrium  # noqa: PLC0415  statics
 
         wrench, frame = wrench_at(inputs, initial.time)
-        held = inputs.drive.joints[(inputs.drive.kp > 0.0) | (not inputs.drive.kp.any())]
-        q = tied_equilibrium(ties, chain, q, held, wrench, frame, initial.time)
+        q = tied_equilibrium(ties, chain, q, held_joints(inputs), wrench, frame, initial.time)
     elif initial.passive == "static" and len(chain.active) < chain.n:
         from flexlink.dynamics.equilibrium import static_posture  # noqa: PLC0415  statics
 
@@ -90,6 +89,12 @@ def state_under(inputs: Inputs, scene: Scene, chain: Chain, ties: Ties | None = 
     if scene.motion:
         _check_followed(inputs.motion, scene, chain, q, qd)
     return q, qd
+
+
+def held_joints(inputs: Inputs) -> Indices:
+    """Joints that a drive holds at rest: those with gains; all driven ones if none has."""
+    drive = inputs.drive
+    return np.asarray(drive.joints[(drive.kp > 0.0) | (not drive.kp.any())])
 
 
 def stated(scene: Scene, chain: Chain) -> tuple[Array, Array]:

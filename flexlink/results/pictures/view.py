@@ -41,7 +41,7 @@ def view_of(chain: Chain) -> View:
     """View of a planar arm perpendicular to its plane of motion; of a spatial arm, obliquely from above."""
     gravity = float(np.linalg.norm(chain.gravity))
     vertical = -chain.gravity / gravity if gravity else np.array([0.0, 0.0, 1.0])
-    if chain.turns_in_plane:
+    if "m" not in chain.joint_units and chain.all_axes_parallel_to(chain.axes[0]):  # unlike `is_planar`, also trees
         return View(_across(chain.axes[0], vertical, bool(gravity)), False, vertical)
     first = _level(vertical)
     second = np.cross(vertical, first)

@@ -27,7 +27,8 @@ def made(study: Study) -> Part | None:
     pictures = [picture for picture in (_in_time(about), _prices(choices)) if picture is not None]
     sentences = (*_hinge_error(about), _step_error(about), _costs(about, choices))
     own = choices[0].seconds
-    cost = f"CPU time of the steps: {number(study.scene.run.duration / own)} × real-time speed."
+    ties = ", without ties" if study.scene.tie else ""
+    cost = f"CPU time of the steps{ties}: {number(study.scene.run.duration / own)} × real-time speed."
     verdicts = _verdict(about), Verdict("Cost", "info", _seconds(own), cost)
     return Part(tuple(filter(None, sentences)), verdicts, tuple(pictures), (_table(about, choices),))
 
@@ -75,9 +76,9 @@ def _step_length(about: Refinement) -> str:
 
 
 def _costs(about: Refinement, choices: Sequence[Choice]) -> str:
-    own, duration = choices[0], about.scene.run.duration
+    own, duration, ties = choices[0], about.scene.run.duration, "ties, " if about.scene.tie else ""
     sentences = [
-        f"CPU time of the steps on this machine, without set-up and checks: {_seconds(own.seconds)} "
+        f"CPU time of the steps on this machine, without {ties}set-up and checks: {_seconds(own.seconds)} "
         f"({number(duration / own.seconds)} × real-time speed)."
     ]
     known = [one for one in choices[1:] if math.isfinite(one.error) and one.outcome.completed]
@@ -94,7 +95,8 @@ def _costs(about: Refinement, choices: Sequence[Choice]) -> str:
                 f"Cheapest more accurate choice: {least.label} ({_seconds(least.seconds)}, tip error "
                 f"{_length(least.error)})."
             )
-        sentences.append("To find the cheapest model for a given tolerance, use flexlink advise.")
+        if not about.scene.tie:
+            sentences.append("To find the cheapest model for a given tolerance, use flexlink advise.")
     return " ".join(sentences)
 
 

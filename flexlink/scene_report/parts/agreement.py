@@ -52,8 +52,7 @@ def _between_joints(study: Study, diagnoses: Iterable[Diagnosis]) -> str:
 
 
 def _diagnoses(study: Study) -> tuple[list[Diagnosis], list[str]]:
-    found: list[Diagnosis] = []
-    missing = []
+    found, missing, failed = list[Diagnosis](), list[str](), dict[str, list[str]]()
     for name in ENGINES:
         if name == "native":
             continue
@@ -62,8 +61,8 @@ def _diagnoses(study: Study) -> tuple[list[Diagnosis], list[str]]:
         except MissingDependencyError:
             missing.append(f"{engine_name(name)} is not installed: {how_to_install(ENGINES[name].extra)}.")
         except FlexlinkError as error:
-            missing.append(f"{engine_name(name)}: comparison failed: {error}.")
-    return found, missing
+            failed.setdefault(str(error), []).append(name)
+    return found, missing + [f"{_named(names)}: comparison failed: {why}." for why, names in failed.items()]
 
 
 def _runs(study: Study) -> tuple[Sequence[RunDifference], str, Sequence[str]]:
@@ -121,7 +120,7 @@ def _verdict(diagnoses: Sequence[Diagnosis], runs: Sequence[RunDifference]) -> V
     good = [each.engine for each in diagnoses if each.passed]
     bad = sorted({*(each.engine for each in diagnoses if not each.passed), *(r.engine for r in runs if not r.passed)})
     state: State = "fail" if bad else "pass" if good else "doubt"
-    word = {"fail": "differ", "pass": "agree", "doubt": "none installed"}[state]
+    word = {"fail": "differ", "pass": "agree", "doubt": "not compared"}[state]
     text = f"Results differ from flexlink’s in {_named(bad)}." if bad else ""
     if good and not bad:
         run = f"; same run in {_named(row.engine for row in runs)}" if runs else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -43,7 +44,8 @@ def made(study: Study) -> Part:
         section = "; section treated as a rectangle" if peak.rectangle else ""
         facts = (Fact(f"{number(1e-6 * peak.pascals)} MPa", f"Largest bending stress of the run ({where}{section})"),)
     sentences[1:1] = [f"{fact.label}: {fact.value}." for fact in facts]
-    return Part(tuple(sentences), facts=facts, pictures=(_picture(study, driven),), tables=(_table(study),))
+    pictures = (_picture(study, driven), *_of_ties(study))
+    return Part(tuple(sentences), facts=facts, pictures=pictures, tables=(_table(study),))
 
 
 def _place(study: Study, body: int) -> str:
@@ -75,9 +77,10 @@ def _picture(study: Study, driven: list[int]) -> Picture:
     run, chain = study.run, study.chain
     figure, axes = stacked_axes(2 if driven else 1, 2.2)
     columns = {"t [s]": run.t}
-    for place, body in enumerate([chain.body(int(k)) for k in chain.active] or [0]):  # at the roots of the links
+    bending = np.linalg.norm(run.loads.moment[..., 1:], axis=2)
+    for place, body in enumerate(roots := [chain.body(int(k)) for k in chain.active] or [0]):
         name = f"bending {_place(study, body)} [N m]"
-        columns[name] = np.linalg.norm(run.loads.moment[:, body, 1:], axis=1)
+        columns[name] = bending[:, body : (*roots, len(chain.bodies) - 1)[place + 1]].max(axis=1)
         label = _place(study, body) if place < NAMED_CURVES else None
         axes[0].plot(run.t, columns[name], color=CYCLE[place % len(CYCLE)], label=label)
     axes[0].set_ylabel("bending [N m]")
@@ -89,8 +92,27 @@ def _picture(study: Study, driven: list[int]) -> Picture:
     for panel in axes:
         legend_over(panel)
     axes[-1].set_xlabel("time [s]")
-    caption = "Bending moment at the root of each link" + ("; drive torques." if driven else ".")
+    caption = "Largest bending moment of each link" + ("; drive torques." if driven else ".")
     return Picture("loads", "Loads over time", figure, caption, columns_csv(columns))
+
+
+def _of_ties(study: Study) -> Iterator[Picture]:
+    """Plot the forces of ties, and the torques of those on revolute joints; of forces with a direction, the size."""
+    run, arm, columns = study.run, study.scene.arm, {"t [s]": study.run.t}
+    units = [arm.links[arm.number(t.link or 1) - 1].joint.terms.torque if t.on_joint else "N" for t in study.scene.tie]
+    if not units:
+        return
+    figure, axes = stacked_axes(len(kinds := sorted(set(units))), 2.2)
+    for place, ((name, force), unit) in enumerate(zip(run.tie_forces.items(), units, strict=True)):
+        columns[f"{name} [{unit}]"] = size = force if force.ndim == 1 else np.linalg.norm(force, axis=1)
+        label = name if place < NAMED_CURVES else None
+        axes[kinds.index(unit)].plot(run.t, size, color=CYCLE[place % len(CYCLE)], label=label)
+    for panel, unit in zip(axes, kinds, strict=True):
+        panel.set_ylabel(f"{'torque' if unit == 'N m' else 'force'} [{unit}]")
+        legend_over(panel)
+    axes[-1].set_xlabel("time [s]")
+    caption = "Positive where a tie pulls. Of ties that hold a point in several directions: the size of the force."
+    yield Picture("ties", "Forces of ties", figure, caption, columns_csv(columns))
 
 
 AT_ONCE = 500  # samples per batch, which limits the memory

@@ -36,6 +36,8 @@ def made(study: Study) -> Part:
     drive = f"Drive: {scene.drive.kind}." if scene.drive.kind != "none" else "No drive: the joints turn freely."
     if scene.motion:
         drive += f" Prescribed motions: {', '.join(str(motion.link) for motion in scene.motion)}."
+    if scene.tie:
+        drive += f" Ties: {', '.join(f'{tie.name} ({tie.kind})' for tie in scene.tie)}."
     remarks = [f"Check {hint}." for hint in hints(scene)]
     remarks += [f"Note: {note}." for note in (*defaults(scene), *notes(scene))]
     sentences = (*((scene.about + ".",) if scene.about else ()), size, f"{gravity} {drive}", *remarks)
@@ -46,7 +48,7 @@ def made(study: Study) -> Part:
 def _drawing(study: Study) -> Picture:
     chain, (q, _) = study.chain, study.start
     points = frames(chain, q).points
-    figure = plot_chain(chain, q)
+    figure = plot_chain(chain, q, study.scene)
     csv = table_csv(("body", "x [m]", "y [m]", "z [m]"), [(k, *p) for k, p in enumerate(points.tolist())])
     falls = ", gravity downwards" if chain.gravity.any() else ""
     seen = f"Side view{falls}" + ("; below: top view." if len(figure.axes) > 1 else ".")

@@ -25,6 +25,8 @@ def made(study: Study) -> Part | None:
     goal = _goal(study)
     if goal is None:
         return None
+    if study.scene.tie:
+        return Part(("The settling of arms with ties is not computed.",))
     angles, end = goal
     chain, run = study.chain, study.run
     at = run.q[-1].copy()

@@ -1,10 +1,9 @@
-"""The arm in static equilibrium with its driven joints locked: sag, holding torques, buckling load."""
+"""The arm in static equilibrium, driven joints locked or ties closed: sag, holding torques, buckling load."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from flexlink.chain.chain import Chain
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.dynamics.equilibrium import buckling_loads
@@ -24,32 +23,31 @@ from flexlink.scene_report.study import Study
 def made(study: Study) -> Part:
     """Build the chapter."""
     chain, q = study.chain, study.start[0]
-    if not study.bends:
+    if not study.bends and not study.scene.tie:
         held = bias_torque(chain, q, np.zeros(chain.n), **study.load)
         rigid = ("All links are rigid. The joints are locked at their initial angles.",)
-        return Part(rigid, facts=_held(chain, held), tables=_holding(chain, q, held))
+        return Part(rigid, facts=_held(study, held), tables=_holding(study, q, held))
     rest = study.rest
     sag = _without_rounding(tip_position(chain, rest.q) - tip_position(chain, unbent(chain, rest.q)))
     size = float(np.linalg.norm(sag))
     x, y, z = (number(1e3 * part) for part in sag)
     sentences = (
-        f"The driven joints are locked at their initial angles; "
-        f"{'gravity and the tip wrench bend' if size > 0 else 'no load bends'} the links.",
+        f"At rest, {study.holding}; {'gravity and the tip wrench bend' if size > 0 else 'no load bends'} the links.",
         f"Static tip deflection: {number(1e3 * size)} mm, ({x}, {y}, {z}) mm in frame 0. "
         f"This equilibrium is {'stable' if rest.stable else 'unstable'}.",
         _buckling(study),
     )
     pictures = (_picture(study, size),) if size > 0 else ()
-    sags = Fact(f"{number(1e3 * size)} mm", "Sag of the tip under gravity and load, driven joints locked")
-    facts = (*((sags,) if size > 0 else ()), *_held(chain, rest.tau))
-    tables = _holding(chain, rest.q, rest.tau)
+    sags = Fact(f"{number(1e3 * size)} mm", f"Sag of the tip under gravity and load, {study.holding}")
+    facts = (*((sags,) if size > 0 else ()), *_held(study, rest.tau))
+    tables = _holding(study, rest.q, rest.tau)
     return Part(tuple(filter(None, sentences)), facts=facts, pictures=pictures, tables=tables)
 
 
-def _held(chain: Chain, tau: Array) -> tuple[Fact, ...]:
+def _held(study: Study, tau: Array) -> tuple[Fact, ...]:
     """Return the largest holding torques, for the first screen of the page; zeros are left out."""
-    torques, shown = _without_rounding(tau), 2  # as many values as fit on one line
-    largest = sorted(filter(torques.__getitem__, chain.active.tolist()), key=lambda k: -abs(torques[k]))[:shown]
+    chain, torques, shown = study.chain, _without_rounding(tau), 2  # as many values as fit on one line
+    largest = sorted(filter(torques.__getitem__, study.held), key=lambda k: -abs(torques[k]))[:shown]
     if not largest:
         return ()
     some, units = [number(abs(float(torques[k]))) for k in largest], [chain.torque_units[k] for k in largest]
@@ -57,13 +55,14 @@ def _held(chain: Chain, tau: Array) -> tuple[Fact, ...]:
     each = [f"{value} {unit}" if several else value for value, unit in zip(some, units, strict=True)]
     values = "; ".join(each) + ("" if several else f" {units[0]}")
     names = ", ".join(chain.joint_name(k) for k in largest)
-    return (Fact(values, f"{'Largest h' if len(chain.active) > shown else 'H'}olding torques: {names}"),)
+    return (Fact(values, f"{'Largest h' if len(study.held) > shown else 'H'}olding torques: {names}"),)
 
 
-def _holding(chain: Chain, q: Array, tau: Array) -> tuple[Table, ...]:
+def _holding(study: Study, q: Array, tau: Array) -> tuple[Table, ...]:
     """Return tables of the holding torques and forces of the driven joints."""
-    tau, own, tables = _without_rounding(tau), chain.in_own_units(q), []
-    for kind, joints in chain.by_unit(chain.active.tolist()):
+    chain, tau, tables = study.chain, _without_rounding(tau), []
+    own = chain.in_own_units(q)
+    for kind, joints in chain.by_unit(study.held):
         heads = ("joint", f"{kind.place} [{kind.unit}]", f"{kind.load} [{kind.torque}]")
         lines = tuple((chain.joint_name(k), float(own[k]), float(tau[k])) for k in joints)
         tables.append(Table("holding" if kind.load == "torque" else "forces", f"Holding {kind.load}s", heads, lines))
@@ -72,10 +71,12 @@ def _holding(chain: Chain, q: Array, tau: Array) -> tuple[Table, ...]:
 
 def _buckling(study: Study) -> str:
     chain, wrench = study.chain, study.load["tip_wrench"]
+    if study.scene.tie:
+        return "The buckling loads of arms with ties are not computed."
     if study.load["frame"] == "tip" or not (chain.gravity.any() or wrench.any()):
         return ""
     try:
-        factors = buckling_loads(chain, study.rest.q, tip_wrench=wrench, locked=chain.active.tolist())
+        factors = buckling_loads(chain, study.rest.q, tip_wrench=wrench, locked=study.held)
     except FlexlinkError as error:
         return f"Buckling load not computed: {error}."
     if not len(factors):

@@ -1,11 +1,10 @@
-"""Natural frequencies and mode shapes about the static equilibrium, with the driven joints locked."""
+"""Natural frequencies and mode shapes about the static equilibrium, driven joints locked or ties closed."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from flexlink.dynamics.vibration.modal import Modes
-from flexlink.dynamics.vibration.steady import modes_at_rest
+from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.pages.colours import BLUE, VERMILION
 from flexlink.pages.numbers import number
 from flexlink.pages.part import Part
@@ -23,11 +22,11 @@ from matplotlib.figure import Figure  # isort: skip
 
 def made(study: Study) -> Part | None:
     """Build the chapter."""
-    if not study.bends:
+    if not study.bends and not study.scene.tie:
         return None
     chain, rest = study.chain, study.rest
-    found = modes_at_rest(chain, rest, **study.load)
-    sentences = [_first(found) + " Small vibrations about the static equilibrium, driven joints locked."]
+    found = modes(chain, rest.q, locked=study.held, ties=study.scene, **study.load)
+    sentences = [f"{_first(found)} Small vibrations about the static equilibrium, {study.holding}."]
     if not found.stable:
         sentences.append("The equilibrium is unstable: at least one mode grows.")
     fine = resolved(found, chain)
@@ -39,7 +38,7 @@ def made(study: Study) -> Part | None:
     heads = ("mode", "frequency [Hz]", "damping ratio", "kind", "tip moves most along", "resolved by the hinges")
     lines = tuple((*_line(found, k), "yes" if fine[k] else "no") for k in range(len(found.eigenvalues)))
     table = Table("modes", "Natural frequencies", heads, lines, to_look_up=len(lines) > 12)
-    return Part(tuple(sentences), facts=_facts(found), pictures=(_picture(study, found, fine),), tables=(table,))
+    return Part(tuple(sentences), facts=_facts(study, found), pictures=(_picture(study, found, fine),), tables=(table,))
 
 
 def _first(found: Modes) -> str:
@@ -50,13 +49,13 @@ def _first(found: Modes) -> str:
     return f"First elastic frequency: {number(float(found.hertz[k]))} Hz, damping ratio {ratio}."
 
 
-def _facts(found: Modes) -> tuple[Fact, ...]:
+def _facts(study: Study, found: Modes) -> tuple[Fact, ...]:
     """Return the first two elastic frequencies, for the first screen of the page."""
     hertz = [float(f) for f, kind in zip(found.hertz, found.kinds, strict=True) if kind == "elastic"][:2]
     if not hertz:
         return ()
     named = "frequencies" if len(hertz) > 1 else "frequency"
-    return (Fact(f"{'; '.join(map(number, hertz))} Hz", f"First elastic {named}, driven joints locked"),)
+    return (Fact(f"{'; '.join(map(number, hertz))} Hz", f"First elastic {named}, {study.holding}"),)
 
 
 def _line(found: Modes, k: int) -> tuple[Cell, ...]:
