@@ -80,8 +80,8 @@ class Tie(TieEnd, frozen=True, kw_only=True):
     c the `dissipation` (Hunt & Crossley 1975). Steps end where it begins or ceases to press.
 
     `simulate`, `Problem` and `Simulator` take scenes with ties, by implicit methods such as Radau5, as do
-    `simulate_many`, `sweep` and `sensitivities`. `solve_static`, `modes`, `linearize` and `to_mjcf` take them as
-    `ties`. All other functions refuse them.
+    `simulate_many`, `sweep` and `sensitivities`. `solve_static`, `modes`, `buckling_loads`, `linearize` and `to_mjcf`
+    take them as `ties`. All other functions refuse them.
 
     Examples
     --------

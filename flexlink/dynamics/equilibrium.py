@@ -247,10 +247,12 @@ def static_postures(chain: Chain, angles: Array) -> Array:
 
 def buckling_loads(
     chain: Chain, q: ArrayLike | None = None, *, tip_wrench: ArrayLike | None = None, locked: Joints = (),
+    ties: Scene | None = None,
 ) -> Array:  # fmt: skip
     """Load factors at which the arm can buckle: multiples of gravity and tip wrench together (dimensionless).
 
-    At a buckling load, K_elastic + s K_load(q) is singular; q is fixed, and joints without springs are locked.
+    At a buckling load, K_elastic + s K_load(q) is singular; q is fixed, and joints without springs are locked, unless
+    ties move them. Springs of ties are in K_elastic, forces of ties in K_load.
     Only real positive s are returned; there are none if the loads do not reduce the stiffness.
 
     Parameters
@@ -263,6 +265,8 @@ def buckling_loads(
         Force and moment on the tip [N, N m], shape (6,), axes of frame 0.
     locked
         Coordinates that do not move, as in `solve_static`.
+    ties
+        Scene whose ties hold the chain, as in `modes`; None: the open chain.
 
     Returns
     -------
@@ -271,8 +275,8 @@ def buckling_loads(
 
     Raises
     ------
-    ArgumentError
-        An argument has the wrong shape or is not finite, or `locked` names an unknown coordinate.
+    ArgumentError, SceneError
+        An argument has the wrong shape or is not finite, `locked` names an unknown coordinate, or ties do not allow it.
 
     Examples
     --------
@@ -285,11 +289,19 @@ def buckling_loads(
     q = chain.rest.copy() if q is None else vector("q", q, n)
     wrench = wrench_vector(tip_wrench)
     free = unlocked(chain, locked)
-    elastic = about(chain, q)
-    sprung = free[(chain.stiffness[free] > 0) | (elastic.stiffness[free] > 0)]
-    K = restricted(elastic.matrix("stiffness"), chain, sprung)
-    load = restricted(stiffness_matrix(chain, q, np.zeros(chain.n), wrench), chain, sprung) - K
-    diagonal = not elastic.springs_join_hinges and chain.shapes is None
+    elastic, still = about(chain, q), np.zeros(n)
+    K, load = elastic.matrix("stiffness"), stiffness_matrix(chain, q, still, wrench)
+    tied = tied_state(ties, chain, LoadedState(q, still, wrench, False, free), moves=False)
+    if tied is None:
+        sprung = free[(chain.stiffness[free] > 0) | (elastic.stiffness[free] > 0)]
+        K, load = (restricted(part, chain, sprung) for part in (K, load))
+    else:
+        parts = K + tied.stiffness - tied.turning, load + tied.stiffness
+        K, load = (tied.Z.T @ restricted(part, chain, free) @ tied.Z for part in parts)
+        sprung = np.flatnonzero(K.diagonal() > 1e-12 * K.diagonal().max(initial=0.0))
+        K, load = (part[np.ix_(sprung, sprung)] for part in (K, load))
+    load = load - K
+    diagonal = not elastic.springs_join_hinges and chain.shapes is None and tied is None
     inverse = scipy.linalg.eigvals(-_per_stiffness(load, K, diagonal=diagonal))  # 1/s
     rounding = len(K) * np.finfo(float).eps * np.abs(inverse).max(initial=0.0)
     softening = inverse.real > rounding

@@ -43,8 +43,7 @@ def notes(scene: Scene) -> tuple[Diagnostic, ...]:
 
 def defaults(scene: Scene) -> tuple[Diagnostic, ...]:
     """Defaults that determine the result: gravity, the width of dry friction, and the step or tolerance."""
-    found = _unsaid_gravity, _width_of_friction, _unsaid_steps
-    return tuple(note for each in found for note in each(open_chain(scene)))
+    return tuple(note for f in (_unsaid_gravity, _width_of_friction, _unsaid_steps) for note in f(open_chain(scene)))
 
 
 def _unsaid_gravity(scene: Scene) -> Iterator[Diagnostic]:

@@ -201,6 +201,19 @@ def test_a_column_is_stable_only_below_its_buckling_load(rule: str) -> None:
         assert rest.stable == stable
 
 
+@pytest.mark.parametrize(("held", "exact"), [(False, np.pi**2), (True, 20.190728556426629)])  # tan x = x, x²
+def test_a_column_on_a_slider_buckles_at_eulers_loads(held: bool, exact: float) -> None:
+    """Pinned or clamped at its root; a tie guides its end along the load."""
+    guide = {"name": "guide", "kind": "slider", "link": "a", "to": {"point": [0, 0, 0], "axis": [1, 0, 0]}}
+    errors, push = {}, [-1.0, 0, 0, 0, 0, 0]
+    for n in (8, 16, 32):
+        scene = make_scene(flexible("a", segments=n + 1, lumping="gauss"), gravity=(0.0, 0.0, 0.0))
+        tied = scene.varied({"tie": [guide], "run": {"method": "auto"}})
+        found = buckling_loads(lump(scene), tip_wrench=push, locked=["a"] if held else (), ties=tied)
+        errors[n] = found[0] * 1.25**2 / (scene.arm.bending_stiffness(scene.arm.links[0])[1] * exact) - 1
+    assert order(errors) == pytest.approx(2, abs=0.2)
+
+
 def test_joints_without_a_spring_are_excluded_from_buckling():
     chain = lump(make_scene(flexible("a"), flexible("b"), gravity=(-9.81, 0.0, 0.0)))
     free, held = buckling_loads(chain), buckling_loads(chain, locked=chain.active.tolist())

@@ -458,9 +458,7 @@ def test_the_report_of_an_arm_on_a_cylinder_has_all_chapters_its_force_and_its_f
     np.testing.assert_allclose(shown, -force, rtol=1e-9)
     (hertz,) = table(made("vibration", study), "modes")["frequency [Hz]"]
     assert hertz == pytest.approx(np.sqrt(k / mass) * a / length / (2 * np.pi), rel=1e-9)
-    written = report(scene, tmp_path)
-    assert written.failures == ()
-    assert [each.state for each in written.verdicts if each.about in ("Run", "Energy")] == ["pass"]
+    assert report(scene, tmp_path).failures == ()
 
 
 def test_a_rigid_arm_and_its_report_have_no_bending_stress() -> None:

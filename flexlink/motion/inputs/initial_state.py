@@ -93,8 +93,7 @@ def state_under(inputs: Inputs, scene: Scene, chain: Chain, ties: Ties | None = 
 
 def held_joints(inputs: Inputs) -> Indices:
     """Joints that a drive holds at rest: those with gains; all driven ones if none has."""
-    drive = inputs.drive
-    return np.asarray(drive.joints[(drive.kp > 0.0) | (not drive.kp.any())])
+    return np.asarray(inputs.drive.joints[(inputs.drive.kp > 0.0) | (not inputs.drive.kp.any())])
 
 
 def stated(scene: Scene, chain: Chain) -> tuple[Array, Array]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -44,7 +43,7 @@ def made(study: Study) -> Part:
         section = "; section treated as a rectangle" if peak.rectangle else ""
         facts = (Fact(f"{number(1e-6 * peak.pascals)} MPa", f"Largest bending stress of the run ({where}{section})"),)
     sentences[1:1] = [f"{fact.label}: {fact.value}." for fact in facts]
-    pictures = (_picture(study, driven), *_of_ties(study))
+    pictures = (_picture(study, driven), *([_of_ties(study)] if study.scene.tie else []))
     return Part(tuple(sentences), facts=facts, pictures=pictures, tables=(_table(study),))
 
 
@@ -96,23 +95,21 @@ def _picture(study: Study, driven: list[int]) -> Picture:
     return Picture("loads", "Loads over time", figure, caption, columns_csv(columns))
 
 
-def _of_ties(study: Study) -> Iterator[Picture]:
+def _of_ties(study: Study) -> Picture:
     """Plot the forces of ties, and the torques of those on revolute joints; of forces with a direction, the size."""
     run, arm, columns = study.run, study.scene.arm, {"t [s]": study.run.t}
     units = [arm.links[arm.number(t.link or 1) - 1].joint.terms.torque if t.on_joint else "N" for t in study.scene.tie]
-    if not units:
-        return
     figure, axes = stacked_axes(len(kinds := sorted(set(units))), 2.2)
     for place, ((name, force), unit) in enumerate(zip(run.tie_forces.items(), units, strict=True)):
         columns[f"{name} [{unit}]"] = size = force if force.ndim == 1 else np.linalg.norm(force, axis=1)
-        label = name if place < NAMED_CURVES else None
-        axes[kinds.index(unit)].plot(run.t, size, color=CYCLE[place % len(CYCLE)], label=label)
+        look = {"color": CYCLE[place % len(CYCLE)], "label": name if place < NAMED_CURVES else None}
+        axes[kinds.index(unit)].plot(run.t, size, **look)
     for panel, unit in zip(axes, kinds, strict=True):
         panel.set_ylabel(f"{'torque' if unit == 'N m' else 'force'} [{unit}]")
         legend_over(panel)
     axes[-1].set_xlabel("time [s]")
     caption = "Positive where a tie pulls. Of ties that hold a point in several directions: the size of the force."
-    yield Picture("ties", "Forces of ties", figure, caption, columns_csv(columns))
+    return Picture("ties", "Forces of ties", figure, caption, columns_csv(columns))
 
 
 AT_ONCE = 500  # samples per batch, which limits the memory

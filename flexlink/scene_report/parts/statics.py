@@ -40,8 +40,9 @@ def made(study: Study) -> Part:
     pictures = (_picture(study, size),) if size > 0 else ()
     sags = Fact(f"{number(1e3 * size)} mm", f"Sag of the tip under gravity and load, {study.holding}")
     facts = (*((sags,) if size > 0 else ()), *_held(study, rest.tau))
-    tables = _holding(study, rest.q, rest.tau)
-    return Part(tuple(filter(None, sentences)), facts=facts, pictures=pictures, tables=tables)
+    return Part(
+        tuple(filter(None, sentences)), facts=facts, pictures=pictures, tables=_holding(study, rest.q, rest.tau)
+    )
 
 
 def _held(study: Study, tau: Array) -> tuple[Fact, ...]:
@@ -71,12 +72,10 @@ def _holding(study: Study, q: Array, tau: Array) -> tuple[Table, ...]:
 
 def _buckling(study: Study) -> str:
     chain, wrench = study.chain, study.load["tip_wrench"]
-    if study.scene.tie:
-        return "The buckling loads of arms with ties are not computed."
     if study.load["frame"] == "tip" or not (chain.gravity.any() or wrench.any()):
         return ""
     try:
-        factors = buckling_loads(chain, study.rest.q, tip_wrench=wrench, locked=study.held)
+        factors = buckling_loads(chain, study.rest.q, tip_wrench=wrench, locked=study.held, ties=study.scene)
     except FlexlinkError as error:
         return f"Buckling load not computed: {error}."
     if not len(factors):
