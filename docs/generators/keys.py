@@ -35,7 +35,7 @@ Record = Any
 PARTS = {
     "scene_arm": ("Keys of the arm", ("base", "link", "material", "rigidity", "section", "tip")),
     "scene_motion": ("Keys of initial state, drive, motion and load", ("drive", "initial", "motion", "wrench")),
-    "scene_run": ("Keys of sensors, ties and simulation", ("run", "sensor", "tie")),
+    "scene_run": ("Keys of sensors, ties, stops and simulation", ("limits", "run", "sensor", "tie")),
 }
 """Pages of a scene's tables: name of the page, its title, and the tables."""
 

@@ -87,7 +87,7 @@ def advise(
     >>> small = fl.simulate(found.scene)
     """
     scene = checked_scene(require_type("scene", scene, Scene))
-    refuse_ties(scene.tie)
+    refuse_ties(scene.ties)
     goal = goal_of(tip, deflection=require_bool("deflection", deflection), band=band, run=scene.run)
     require_one_of("measure", measure, dict.fromkeys(get_args(Measure)))
     return Advisor(scene, goal, positive("budget", budget), measure).advice()

@@ -28,6 +28,7 @@ from flexlink.common.types import Array
 from flexlink.data.documents import is_user_file
 from flexlink.describe.arm import Arm
 from flexlink.describe.hinges import hinges_of
+from flexlink.describe.joint import Limits
 from flexlink.describe.link import ROOT_AXES, Link
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import lumping_rule
@@ -69,7 +70,7 @@ def lump(scene: Scene) -> Chain:
     ('upper', 'upper.1.z', 'upper.2.z', 'fore', 'fore.1.z', 'fore.2.z')
     """
     arm = require_type("scene", scene, Scene).arm
-    refuse_ties(scene.tie)
+    refuse_ties(scene.ties)
     if has_user_rules(scene):
         return _lumped(scene)
     known = scene.name, scene.gravity, scene.fluid_density, situation(scene), posture_of(scene)
@@ -77,8 +78,8 @@ def lump(scene: Scene) -> Chain:
 
 
 def open_chain(scene: Scene) -> Scene:
-    """The scene without its ties."""
-    opened: Scene = build_unchecked(replace, scene, tie=()) if scene.tie else scene
+    """The scene without its ties and stops."""
+    opened: Scene = build_unchecked(replace, scene, tie=(), limits=Limits()) if scene.ties else scene
     return opened
 
 

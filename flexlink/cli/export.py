@@ -42,7 +42,7 @@ def run_command(options: argparse.Namespace) -> int:
         scene = varied_scene(path, options)
         with prefix_errors(path):
             if code:
-                refuse_ties(scene.tie, "C and CasADi code have no ties")
+                refuse_ties(scene.ties, "C and CasADi code have no ties")
             chain, state = _chain_and_state(path, scene, options, notes)
             texts |= {target: write(chain) for target, write in code.items()}
         for name in _formats(options):

@@ -58,7 +58,7 @@ def run_command(options: argparse.Namespace) -> int:
 
 def _examined(scene: Scene) -> tuple[dict[str, Any], Modes | None]:
     """The model at its start as plain data; its modes, whose time grows with the joints' cube, up to 300 joints."""
-    opened, tied = open_chain(scene), bool(scene.tie)
+    opened, tied = open_chain(scene), bool(scene.ties)
     chain = lump(opened)
     q, _ = initial_state(scene, chain)
     if chain.n > 10_000:  # computing the largest eigenvalues takes more than a few seconds
@@ -132,7 +132,7 @@ def _show(about: Mapping[str, Any]) -> None:
 
 def _ties(scene: Scene, chain: Chain, q: Array) -> Iterator[dict[str, Any]]:
     """Names, kinds and numbers of independent rows of ties."""
-    for tie, rows in zip(scene.tie, independent_rows(scene, chain, q), strict=True):
+    for tie, rows in zip(scene.ties, independent_rows(scene, chain, q), strict=True):
         of, spring = number_of_rows(tie), not tie.exact
         held = "spring" if spring else plural(of, "row") + (f", {of - rows} redundant" if rows < of else "")
         yield {"name": tie.name, "kind": tie.kind, "independent_rows": rows, "about": f"({tie.kind}, {held})"}

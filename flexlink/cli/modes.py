@@ -114,7 +114,7 @@ def run_command(options: argparse.Namespace) -> int:
         wrench, frame = initial_wrench(scene, chain)
         posture = initial_state(scene, chain)[0]
         if options.rate:
-            refuse_ties(scene.tie, "--rate and ties together are not supported")
+            refuse_ties(scene.ties, "--rate and ties together are not supported")
             rates, count = rates_of(chain, options.rate), options.count
             found = modes_in_motion(chain, rates, posture, tip_wrench=wrench, frame=frame, locked=locked, count=count)
             first = first_in_motion(found, options.rate)
@@ -122,7 +122,7 @@ def run_command(options: argparse.Namespace) -> int:
             found = modes(
                 chain, posture, locked=locked, tip_wrench=wrench, frame=frame, count=options.count, ties=scene
             )
-            at_rest = first_elastic(elastic_hertz(scene, chain, posture)) if not scene.tie else ""
+            at_rest = first_elastic(elastic_hertz(scene, chain, posture)) if not scene.ties else ""
             first = at_rest or first_in_motion(found, ["ties"])
     if options.json:
         options.document = {"scene": scene.name, "modes": as_document(found), "summary": first}

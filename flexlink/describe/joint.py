@@ -70,7 +70,8 @@ class Joint(Spec, frozen=True):
     gear_damping: Annotated[NonNegative, measured_in("N m s/rad", "N s/m")] = 0.0
     """Damping of the elastic gear [N m s/rad]; for a prismatic joint [N s/m]."""
     limits_deg: Annotated[tuple[float, float] | None, measured_in("deg")] = None
-    """Lower and upper limit of the angle [deg], for exports; a run that exceeds them warns but continues."""
+    """Lower and upper limit of the angle [deg]; a run that exceeds them warns but continues, unless `limits` or a
+    tie makes them stops."""
     limits_m: Annotated[tuple[float, float] | None, measured_in("m")] = None
     """For a prismatic joint: lower and upper limit of its position [m]."""
 
@@ -132,6 +133,40 @@ class Joint(Spec, frozen=True):
     def direction(self) -> Array:
         """Unit vector along the axis, in the link's frame, shape (3,)."""
         return unit("axis", self.axis)
+
+
+class Limits(Spec, frozen=True):
+    """Stops at all limits of joints, `joint.limits_deg` and `limits_m`, as ties of kind "stop" named "stop of LINK".
+
+    Joints get none if they are locked, their motion is prescribed, or a tie stops them already.
+
+    Examples
+    --------
+    >>> limited = scene.varied({"link.*.joint.limits_deg": (-90.0, 70.0), "limits.stiffness": 1e4})
+    >>> print([tie.name for tie in limited.ties])
+    ['stop of upper', 'stop of fore']
+    """
+
+    stiffness: Annotated[Positive | None, measured_in("N m/rad")] = None
+    """Stiffness of the stops of revolute joints [N m/rad]. Default: none stops, and a run past limits warns."""
+    dissipation: Annotated[NonNegative, measured_in("s/rad")] = 0.0
+    """Their factor of the speed, as `tie.NAME.dissipation` [s/rad]."""
+    stiffness_m: Annotated[Positive | None, measured_in("N/m")] = None
+    """Stiffness of the stops of prismatic joints [N/m]."""
+    dissipation_m: Annotated[NonNegative, measured_in("s/m")] = 0.0
+    """Their factor of the speed [s/m]."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for key, stiffness in (("dissipation", "stiffness"), ("dissipation_m", "stiffness_m")):
+            if getattr(self, key) and getattr(self, stiffness) is None:
+                raise self._refused(key, f"needs a spring; give {stiffness}, or leave it out", "needs-another-key")
+
+    def of(self, joint: Joint) -> tuple[str, float | None, float]:
+        """Key of the stiffness for a joint, the stiffness and the dissipation."""
+        if joint.slides:
+            return "stiffness_m", self.stiffness_m, self.dissipation_m
+        return "stiffness", self.stiffness, self.dissipation
 
 
 class Mount(Spec, frozen=True):

@@ -24,6 +24,7 @@ from flexlink.describe.actions import PrescribedMotion, Wrench
 from flexlink.describe.arm import Arm
 from flexlink.describe.drive import Drive
 from flexlink.describe.initial import InitialState
+from flexlink.describe.joint import Limits
 from flexlink.describe.joint_units import Row
 from flexlink.describe.link import RIGID, Link
 from flexlink.describe.reference import Reference
@@ -31,7 +32,7 @@ from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.run_settings import RunSettings, implied, of_run_alone
 from flexlink.describe.sensor import Sensor, sensor_mistakes
 from flexlink.describe.spec import Positive, Spec, Vector3, measured_in
-from flexlink.describe.tie import Tie, tie_mistakes
+from flexlink.describe.tie import Tie, stops_of, tie_mistakes
 from flexlink.describe.vary import apply_changes, as_document, parts_by_key, to_document, top_level_keys, values_at
 from flexlink.describe.writing import toml_of, without_defaults
 
@@ -70,6 +71,8 @@ class Scene(Spec, frozen=True):
     """Sensors, `[[sensor]]` in a file: their readings are columns of every run."""
     tie: tuple[Tie, ...] = ()
     """Ties that close loops, `[[tie]]` in a file."""
+    limits: Limits = Limits()
+    """What joint limits do. Default: a run that exceeds them warns."""
     run: RunSettings = RunSettings()
     """Integration settings."""
 
@@ -96,7 +99,7 @@ class Scene(Spec, frozen=True):
             lambda: checks.check_base(arm, initial, drive),
             lambda: checks.check_wrench(arm, self.wrench),
             lambda: spec.raise_together(sensor_mistakes(self.sensor, arm)),
-            lambda: spec.raise_together(tie_mistakes(self.tie, arm)),
+            lambda: spec.raise_together(tie_mistakes(self.ties, arm)),
         ])  # fmt: skip
 
     def _check_air(self) -> None:
@@ -114,6 +117,11 @@ class Scene(Spec, frozen=True):
         given = {name: getattr(self, name) for name in ("motion", "drive", "wrench", "initial")}
         for name, value in filled_from_files(self.arm, **given).items():
             msgspec.structs.force_setattr(self, name, value)
+
+    @property
+    def ties(self) -> tuple[Tie, ...]:
+        """All ties: those of the scene, then the stops that `limits` makes of joint limits."""
+        return (*self.tie, *stops_of(self.limits, self.arm, self.tie, self.motion))
 
     @property
     def fluid_density(self) -> float:
@@ -301,7 +309,7 @@ class Scene(Spec, frozen=True):
         if gauges:
             text = f"{self.name}: strain gauges left out: {short_list(gauges)}; rigid links do not bend; read run.loads"
             warnings.warn(Diagnostic(text, id="strain-gauges-left-out"), UserWarning, stacklevel=2)
-        kept = {name: getattr(self, name) for name in ("drive", "motion", "wrench", "tie")}
+        kept = {name: getattr(self, name) for name in ("drive", "motion", "wrench", "tie", "limits")}
         sensors = tuple(sensor for sensor in self.sensor if sensor.kind != "strain")
         rigid: Scene = spec.build_validated(replace, bare_and_rigid(self), sensor=sensors, **kept)
         return rigid
@@ -337,7 +345,7 @@ class Scene(Spec, frozen=True):
             initial.pop("joint_deg", None)
         order = (
             "name", "about", "gravity", "air_density", "base", "material", "section", "rigidity", "link", "tip",
-            "initial", "drive", "motion", "wrench", "sensor", "tie", "run",
+            "initial", "drive", "motion", "wrench", "sensor", "tie", "limits", "run",
         )  # fmt: skip
         written = {key: document[key] for key in order if key in document and document[key] != {}}
         return toml_of(written, inline=frozenset({"base"}))

@@ -9,8 +9,10 @@ from typing import Annotated, Literal
 
 from flexlink.common.errors import ArgumentError, Diagnostic, SceneError
 from flexlink.common.wording import both_given, missing, truncated
+from flexlink.describe.actions import PrescribedMotion
 from flexlink.describe.arm import Arm
 from flexlink.describe.directions import unit
+from flexlink.describe.joint import Limits
 from flexlink.describe.numbers import require_increasing
 from flexlink.describe.sensor import beyond_beam
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, link_key, measured_in
@@ -79,7 +81,7 @@ class Tie(TieEnd, frozen=True, kw_only=True):
     A spring may act in one direction only, or beyond a `play`. It then presses with k δ (1 + c δ̇), δ > 0 the depth and
     c the `dissipation` (Hunt & Crossley 1975). Steps end where it begins or ceases to press.
 
-    `simulate`, `Problem` and `Simulator` take scenes with ties, by implicit methods such as Radau5, as do
+    `simulate`, `Problem` and `Simulator` take scenes with ties, as do
     `simulate_many`, `sweep` and `sensitivities`. `solve_static`, `modes`, `buckling_loads`, `linearize` and `to_mjcf`
     take them as `ties`. All other functions refuse them.
 
@@ -226,10 +228,33 @@ class Tie(TieEnd, frozen=True, kw_only=True):
         return (-math.inf, 0.0) if self.only == "pull" else (0.0, math.inf) if self.only == "push" else (-half, half)
 
 
+def stops_of(limits: Limits, arm: Arm, ties: Sequence[Tie], motions: Sequence[PrescribedMotion]) -> Iterator[Tie]:
+    """The stops that `limits` makes of the limits of an arm with these ties and motions.
+
+    Raises
+    ------
+    SceneError
+        A stiffness is missing for joints of one kind, or has no effect.
+    """
+    if limits == Limits():
+        return
+    known = {tie.link for tie in ties if tie.kind == "stop"} | {motion.link for motion in motions}
+    limited = [(link, *limits.of(link.joint)) for link in arm.links if link.joint.limits]
+    for key in ("stiffness", "stiffness_m"):
+        if (k := getattr(limits, key)) is not None and key not in {used for _, used, *_ in limited}:
+            why = "has no effect; no joint of this kind has limits; leave it out"
+            raise SceneError(f"limits.{key} = {k!r}: {why}", id="no-effect")
+    for link, key, k, c in limited:
+        if not link.joint.locked and not known & {link.name, arm.number(link.name)}:
+            if k is None:
+                raise missing(f"limits.{key}", f"joint {link.name!r} is {link.joint.kind}")
+            yield Tie(name=f"stop of {link.name}", kind="stop", link=link.name, stiffness=k, dissipation=c)
+
+
 def refuse_ties(
     ties: Sequence[Tie],
-    why: str = "only simulate, simulate_many, sweep, sensitivities, Problem, Simulator, solve_static, modes, linearize "
-    "support ties",
+    why: str = "only simulate, simulate_many, sweep, sensitivities, Problem, Simulator, solve_static, modes, "
+    "buckling_loads, linearize support ties",
 ) -> None:
     """Refuse a scene with ties.
 
@@ -239,7 +264,7 @@ def refuse_ties(
         There are ties.
     """
     if ties:
-        raise SceneError(f"tie.{ties[0].name}: {why}; leave [[tie]] out", id="ties-not-supported")
+        raise SceneError(f"tie.{ties[0].name}: {why}; leave [[tie]] and limits out", id="ties-not-supported")
 
 
 def tie_mistakes(ties: Sequence[Tie], arm: Arm) -> Iterator[Diagnostic]:

@@ -144,7 +144,7 @@ def solve_static(
     free = unlocked(chain, locked)
     on_shapes(chain, "q", start - chain.rest)
     state = LoadedState(start, rates, wrench, follower, free)
-    if ties is not None and ties.tie:
+    if ties is not None and ties.ties:
         return _tied(ties, chain, state, frame, drive)
     equations = equations_of(chain, state, drive)
     posture, path = at_rest(equations, tolerance)

@@ -34,7 +34,7 @@ ENOUGH_HINGES = 3
 def notes(scene: Scene) -> tuple[Diagnostic, ...]:
     """Notes on probably unintended input: keys without effect, an unusual start. Each names a remedy."""
     require_type("scene", scene, Scene)
-    at_rest = () if scene.tie else (slack_springs, unheld_joints, weak_gains, weak_drives, balance)  # ties hold joints
+    at_rest = () if scene.ties else (slack_springs, unheld_joints, weak_gains, weak_drives, balance)  # ties hold joints
     start, scene = (_parallel_gravity, _odd_reference, *at_rest), open_chain(scene)
     unusual = _tip_without_length, _falling_base, _few_hinges, _on_edge
     with np.errstate(all="ignore"):  # values beyond float64 are refused when a run is built from them

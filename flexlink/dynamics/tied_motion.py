@@ -74,7 +74,7 @@ def tie_forces(scene: Scene, ties: Ties, λ: Array) -> dict[str, Array]:
     """Force of each tie by its name, from the multipliers (samples, r) of all rows, as in `Trajectory.tie_forces`."""
     return {
         tie.name: -λ[:, own] @ ties[0]["along"][own] if number_of_rows(tie) > 1 else λ[:, own.start]
-        for tie, own in rows_by_tie(scene.tie)
+        for tie, own in rows_by_tie(scene.ties)
     }
 
 
@@ -85,7 +85,7 @@ def pressures(scene: Scene, ties: Ties, chain: Chain, t: Array, q: Array) -> dic
     moved = np.zeros((len(t), 3, len(rows)))
     for now, parts in zip(t.tolist(), moved, strict=True):
         follow(lengths, now, *parts)
-    for tie, own in rows_by_tie(scene.tie):
+    for tie, own in rows_by_tie(scene.ties):
         if tie.kind == "cylinder":
             k, found[tie.name] = own.start, np.zeros((len(t), 2))
             oil_pressures(rows[k], moved[:, 0, k].copy(), g[:, k].copy(), found[tie.name])

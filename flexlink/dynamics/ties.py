@@ -44,7 +44,7 @@ def tie_rows(scene: Scene, chain: Chain) -> Ties | None:
     SceneError
         The scene contains something that ties do not allow, or a tie is on a part that is fixed in frame 0.
     """
-    if not scene.tie:
+    if not scene.ties:
         return None
     for there, what in (
         (scene.motion, "[[motion]]"),
@@ -52,14 +52,14 @@ def tie_rows(scene: Scene, chain: Chain) -> Ties | None:
         (scene.drive.gravity != "none", f"drive.gravity = {scene.drive.gravity!r}"),
     ):
         if there:
-            refuse_ties(scene.tie, f"{what} and ties together are not supported")
+            refuse_ties(scene.ties, f"{what} and ties together are not supported")
     name, opened = scene.run.method, open_chain(scene)
     rule = None if name == AUTO else method(name)
     if rule is not None and not (rule.explicit or len(rule.modes.real)):
-        text = f"run.method = {name!r}: cannot hold tie {scene.tie[0].name!r}; use 'auto', 'Radau5' or 'Radau9'"
+        text = f"run.method = {name!r}: cannot hold tie {scene.ties[0].name!r}; use 'auto', 'Radau5' or 'Radau9'"
         raise SceneError(text, id="method-with-ties")
-    rows = [_rows_of(tie, opened, chain) for tie in scene.tie]
-    driven = {own.start: tie for tie, own in rows_by_tie(scene.tie) if tie.times}
+    rows = [_rows_of(tie, opened, chain) for tie in scene.ties]
+    driven = {own.start: tie for tie, own in rows_by_tie(scene.ties) if tie.times}
     return np.concatenate(rows).view(np.recarray), _lengths([*driven.values()], np.array([*driven], dtype=np.int64))
 
 
@@ -179,7 +179,7 @@ def independent_rows(scene: Scene, chain: Chain, q: Array) -> list[int]:
         return []
     J, ranks = gaps(ties, chain, q, scene.initial.time)[1] @ all_motions(chain), [0]
     exact = np.isinf(ties[0]["stiffness"])
-    for _, own in rows_by_tie(scene.tie):
+    for _, own in rows_by_tie(scene.ties):
         held = np.flatnonzero(exact[: own.stop])
         ranks.append(int(np.linalg.matrix_rank(J[held], tol=1e-9)) if len(held) else 0)
     return np.diff(ranks).tolist()

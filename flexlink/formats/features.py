@@ -73,12 +73,12 @@ def _features() -> dict[str, Feature]:
             "it becomes two joints about one axis, first the motor, then the gear",
         ),
         "prescribed motion": feature(lambda scene, _: bool(scene.motion), "the joint moves freely"),
-        "ties": feature(lambda scene, _: bool(scene.tie), **dict.fromkeys(("urdf", "sdf"), "the arm is open")),
+        "ties": feature(lambda scene, _: bool(scene.ties), **dict.fromkeys(("urdf", "sdf"), "the arm is open")),
         "lengths of ties that move": feature(
-            lambda scene, _: any(tie.times for tie in scene.tie), mjcf="they stay as they are at the start"
+            lambda scene, _: any(tie.times for tie in scene.ties), mjcf="they stay as they are at the start"
         ),
         "dissipation of ties": feature(
-            lambda scene, _: any(tie.dissipation for tie in scene.tie), mjcf="ties press without losses"
+            lambda scene, _: any(tie.dissipation for tie in scene.ties), mjcf="ties press without losses"
         ),
         "drive torques": feature(lambda scene, _: scene.drive.kind != "none", "motors are exported without commands"),
         "control law": feature(

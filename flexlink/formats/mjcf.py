@@ -265,7 +265,7 @@ def _safe_step(chain: Chain, ties: Scene | None, initial: tuple[ArrayLike, Array
     from flexlink.dynamics.vibration.stability import stable_step  # noqa: PLC0415  only if no step is given
 
     q, gains = chain.slightly_bent, None
-    if ties is not None and ties.tie:
+    if ties is not None and ties.ties:
         q = q if initial is None else np.asarray(initial[0])
         gains = spring_gains(ties, q)
     step = min(2e-3, stable_step(chain, q, gains=gains, method="RK4") / 2)

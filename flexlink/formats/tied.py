@@ -65,7 +65,7 @@ def add_ties(root: ET.Element, chain: Chain, scene: Scene, *, timestep: float) -
     g, J, _ = gaps(ties, bare, np.zeros(bare.n), scene.initial.time)  # g = l₀ − l of distances
     moves = np.abs(J).max(axis=1) > 1e-9 * bare.size
     joints, bodies = xml_joint_names(chain), _bodies(root, chain, bare)
-    for tie, own in rows_by_tie(scene.tie):
+    for tie, own in rows_by_tie(scene.ties):
         rows, first = ties[0][own], own.start
         if tie.kind == "distance" and tie.stiffness is None and not moves[first]:
             refuse_ties([tie], "no joint changes its length at zero angles, by which MuJoCo scales its force")

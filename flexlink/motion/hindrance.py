@@ -122,7 +122,7 @@ def _singular_ties(record: Record, q: Array, t: float) -> tuple[str, str] | None
     least = int((before > 1e-9 * before[0]).sum()) - 1
     if now[least] > near_a_singular_posture * before[least]:
         return None
-    names = [tie.name for tie in record.problem.scene.tie if tie.exact]
+    names = [tie.name for tie in record.problem.scene.ties if tie.exact]
     exact = "exact tie" if len(names) == 1 else "exact ties"
     return (
         f"singular posture of {exact} {short_list(list(map(repr, names)))}, as of links in one line",

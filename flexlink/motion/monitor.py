@@ -283,7 +283,7 @@ class Monitor:
     def _past_limits(self, rows: slice) -> Iterator[tuple[int, str, Diagnostic]]:
         """Warnings about joints past their limits, which the model does not enforce."""
         chain, scene = self.record.chain, self.record.problem.scene
-        stopped = {chain.index(scene.arm.number(tie.link or 0), 0, 0) for tie in scene.tie if tie.kind == "stop"}
+        stopped = {chain.index(scene.arm.number(tie.link or 0), 0, 0) for tie in scene.ties if tie.kind == "stop"}
         for k in sorted({*self._balance.bounds.limited.tolist()} - stopped):
             q, lower, upper = self.record.q[rows, k], chain.hinges["lower"][k], chain.hinges["upper"][k]
             out = np.maximum(lower - q, q - upper) > Thresholds.at_limit
@@ -292,7 +292,7 @@ class Monitor:
                 places = float(self.record.q[row, k]), float(lower), float(upper)
                 at, least, most = (chain.place_in_words(k, place) for place in places)
                 joint = f"joint {chain.joint_name(int(k))!r} is at {at}, past its limits {least} … {most}"
-                text = f"{joint}; joint limits are not enforced"
+                text = f"{joint}; joint limits are not enforced; limits.stiffness makes them stops"
                 yield row, f"limit {k}", Diagnostic(text, "joint-past-limits")
 
     def _bent(self, row: int, bends: Array) -> str:

@@ -284,7 +284,7 @@ def control_of(
             id="controller-needs-rate",
         )
     if takes_sensors(law):
-        refuse_ties(scene.tie, "laws that read sensors do not support ties")
+        refuse_ties(scene.ties, "laws that read sensors do not support ties")
         if not scene.sensor:
             raise ArgumentError(
                 "control: has the parameter sensors, but the scene has no [[sensor]]; add one", id="no-sensors"

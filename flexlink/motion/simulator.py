@@ -77,7 +77,7 @@ class Simulator:
         self._scene = scene if run.duration else scene.varied({"run.duration": run.spacing})
         self.chain = lump(open_chain(scene))
         if scene.sensor:
-            refuse_ties(scene.tie, "a Simulator with sensors does not support ties")
+            refuse_ties(scene.ties, "a Simulator with sensors does not support ties")
         self._held = held_torques(
             self.chain, np.zeros(1), np.zeros((1, len(self.chain.active))), effort_of(scene, self.chain)
         )

@@ -252,7 +252,7 @@ class RunSamples(Result):
 
     @functools.cached_property
     def _ties(self) -> Ties | None:
-        if self.scene is None or not self.scene.tie:
+        if self.scene is None or not self.scene.ties:
             return None
         from flexlink.dynamics.ties import tie_rows  # noqa: PLC0415  few scenes have ties
 

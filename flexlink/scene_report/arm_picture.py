@@ -36,7 +36,7 @@ def plot_chain(chain: Chain, q: ArrayLike | None, scene: Scene | None = None) ->
     """Plot the arm at the angles q (n,) [rad], with the scene's rods; without q at joints zero and springs relaxed."""
     q = chain.rest if q is None else np.asarray(q, dtype=float)
     placed, rods = frames(chain, q), np.zeros((0, 2, 3))
-    if scene is not None and scene.tie:
+    if scene is not None and scene.ties:
         (R, p), (ends, places) = poses(chain, q), rods_of(scene, chain)
         rods = (p[ends - 1] + np.einsum("kij,kj->ki", R[ends - 1], places)).reshape(-1, 2, 3)
     points, rails = placed.points, unslid(chain, placed.rotations, placed.points)

@@ -94,17 +94,17 @@ class Study:
     @cached_property
     def rest(self) -> Equilibrium:
         """Static equilibrium with the `held` joints at their initial positions."""
-        q = self.start[0] if self.scene.tie else unbent(self.chain, self.start[0])
+        q = self.start[0] if self.scene.ties else unbent(self.chain, self.start[0])
         return solve_static(self.chain, q, locked=self.held, ties=self.scene, **self.load)
 
     @cached_property
     def held(self) -> list[int]:
         """Joints that do not move in statics and modes: the driven ones; with ties, which move others, those held."""
-        found = held_joints(input_arrays(self.scene, self.chain)) if self.scene.tie else self.chain.active
+        found = held_joints(input_arrays(self.scene, self.chain)) if self.scene.ties else self.chain.active
         return list(found.tolist())
 
     @property
     def holding(self) -> str:
         """What holds the joints in statics and modes."""
-        tied = bool(self.scene.tie)
+        tied = bool(self.scene.ties)
         return ", ".join(["driven joints locked"] * bool(self.held or not tied) + ["ties closed"] * tied)

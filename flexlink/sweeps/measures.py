@@ -98,7 +98,7 @@ class SweepOutput(Spec, frozen=True):
             return np.array(self.target)
         chain = run.chain
         if run.scene is not None:
-            refuse_ties(run.scene.tie, "the position at rest of an arm with ties is not computed")
+            refuse_ties(run.scene.ties, "the position at rest of an arm with ties is not computed")
         rest = solve_static(chain, run.q[-1], tip_wrench=run.tip_wrench[-1], locked=chain.active.tolist())
         return tip_position(chain, rest.q)
 

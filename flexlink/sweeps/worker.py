@@ -78,7 +78,7 @@ def goes_side_by_side(plan: Plan, number: int) -> bool:
         scene, engine = plan.member(number)
     except FlexlinkError:
         return True
-    alone = scene.wrench.varies or scene.wrench.on or scene.tie or scene.run.solver != "articulated"
+    alone = scene.wrench.varies or scene.wrench.on or scene.ties or scene.run.solver != "articulated"
     return engine == "native" and not alone and steps_explicitly(scene.run)
 
 

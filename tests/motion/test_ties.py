@@ -18,6 +18,7 @@ from flexlink.cli.main import main
 from flexlink.describe.scene import scene_from
 from flexlink.dynamics.ties import gaps, tie_rows
 from flexlink.kernels.geometry.kinematics import forward_kinematics
+from flexlink.robots.importing import import_urdf
 from tests.campaigns.random_ties import judged
 from tests.support.loops import Loop, places
 from tests.support.touching import Touching
@@ -268,8 +269,7 @@ def test_a_pendulum_is_thrown_back_by_its_stops(tolerance: float, dissipation: f
     """J θ̈ = −m g L/2 cos θ − k δ (1 + c δ̇) beyond the limits, integrated from corner to corner by SciPy."""
     k, c = 1e5, dissipation
     low, high = np.radians([-100.0, -60.0])
-    stop = {"name": "stop", "kind": "stop", "link": "l1", "stiffness": k, "dissipation": c}
-    run = fl.simulate(pendulum([stop], **{"run.tolerance": tolerance}))
+    run = fl.simulate(pendulum([], **{"run.tolerance": tolerance, "limits": {"stiffness": k, "dissipation": c}}))
     assert run.kept
     assert not run.warnings
 
@@ -302,6 +302,44 @@ def test_fixed_steps_end_where_stops_press_and_keep_their_order(method: str, ord
     steps = (2e-3, 1e-3) if order == 9 else (1e-3, 5e-4)
     errors = [np.abs(fl.simulate(scene.varied({"run": fixed | {"step": h}})).q - truth).max() for h in steps]
     assert np.log2(errors[0] / errors[1]) > order - 0.8
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_limits_become_stops_of_all_joints_without_one() -> None:
+    """A trolley turns back at its limit, its arm at a stop that is a tie; a third joint is locked."""
+    trolley = {"length": 0.6, "joint": {"kind": "prismatic", "axis": [0, 0, 1], "limits_m": [-0.02, 0.5]}}
+    boom, end = {"length": 0.5, **BENDS}, {"length": 0.1}
+    boom["joint"], end["joint"] = ({"axis": [0, -1, 0], "limits_deg": [-20.0, 30.0]} for _ in range(2))
+    end["joint"]["locked"] = True
+    starts = {"initial": {"joint_deg": [0.0, 10.0, 5.0], "joint_m": [0.0, 0.0, 0.0]}}
+    stop = {"kind": "stop", "name": "stop of l2", "link": 2, "stiffness": 1e3, "dissipation": 0.2}
+    scene = arm(trolley, boom, end, ties=[stop], start=[], **starts)
+    made = scene.varied({"limits": {"stiffness_m": 1e4, "dissipation_m": 0.1}})
+    own = {"kind": "stop", "name": "stop of l1", "link": "l1", "stiffness": 1e4, "dissipation": 0.1}
+    asked, given = fl.simulate(made), fl.simulate(scene.varied({"tie": [stop, own]}))
+    np.testing.assert_array_equal(asked.q, given.q)
+    assert asked.q[:, 0].min() < -0.02
+    assert asked.tie_forces.keys() == given.tie_forces.keys()
+    assert scene_from(tomllib.loads(made.to_toml())) == made
+    chain = fl.lump(open_chain(made))
+    assert fl.to_mjcf(chain, ties=made) == fl.to_mjcf(chain, ties=given.scene)
+    q = np.append([-0.03, -0.4], np.zeros(chain.n - 2))
+    assert (fl.modes(chain, q, ties=made).hertz == fl.modes(chain, q, ties=given.scene).hertz).all()
+    rigid, more = (fl.simulate(each.rigidified()) for each in (made, given.scene))
+    np.testing.assert_array_equal(rigid.q, more.q)
+
+
+def test_limits_of_an_imported_robot_become_stops(tmp_path: Path) -> None:
+    own = f'ixx="1e-3" iyy="{INERTIA - 0.1}" izz="{INERTIA - 0.1}" ixy="0" ixz="0" iyz="0"'
+    inertial = f'<inertial><origin xyz="0.5 0 0"/><mass value="0.4"/><inertia {own}/></inertial>'
+    limit = f'<limit lower="{np.radians(-100)}" upper="{np.radians(-60)}" effort="1" velocity="1"/>'
+    joint = f'<joint name="j" type="revolute"><parent link="b"/><child link="l"/><axis xyz="0 -1 0"/>{limit}</joint>'
+    (tmp_path / "r.urdf").write_text(f'<robot name="r"><link name="b"/><link name="l">{inertial}</link>{joint}</robot>')
+    stops = {"limits.stiffness": 1e5, "initial.joint_deg": [-65.0], "run.tolerance": 1e-6, "run.duration": 1.0}
+    robot = import_urdf(tmp_path / "r.urdf").scene.varied({"gravity": [0, 0, -9.81], "run.sample": 0.05, **stops})
+    run = fl.simulate(pendulum([], **stops))
+    np.testing.assert_allclose(fl.simulate(robot).q, run.q, atol=3e-6)
+    assert run.q.min() > np.radians(-100.0) + 0.01  # without stops it passes -110°
 
 
 def test_an_inertia_in_a_gear_with_play_swings_with_the_period_of_the_closed_form() -> None:
@@ -510,6 +548,9 @@ def test_an_accelerometer_on_a_loop_feels_what_differences_of_the_motion_show() 
         ({"tie": [{"name": "stop", "kind": "stop", "link": "l1", "stiffness": 1e3}]}, "stop-without-limits"),
         ({"tie": [{"name": "s", "kind": "joint", "link": "l1", "to": {"link": "l2"}}]}, "key-of-another-kind"),
         ({"tie": [{"name": "s", "kind": "joint", "link": "l1"}], "link.l1.joint.locked": True}, "tie-of-locked-joint"),
+        ({"limits.stiffness": 1e3}, "no-effect"),
+        ({"limits.stiffness_m": 1e3, "link.l1.joint.limits_deg": [0, 90]}, "no-effect"),
+        ({"limits": {"stiffness": 1e3, "dissipation_m": 0.1}}, "needs-another-key"),
         ({"tie.pin.to": {"link": "l3"}}, "tie-to-itself"),
         ({"tie.pin.link": "l9"}, "unknown-link"),
         ({"tie.pin.x": 5.0}, "out-of-range"),

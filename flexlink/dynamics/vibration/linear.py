@@ -97,7 +97,7 @@ def linearize(
     wanted = _checked(outputs)
     state = LoadedState(q, qd, wrench_vector(tip_wrench), turns_with_tip(frame), np.arange(n))
     if ties is not None and not all(isinstance(each, str) for each in wanted):
-        refuse_ties(ties.tie, "sensors as outputs do not support ties")
+        refuse_ties(ties.ties, "sensors as outputs do not support ties")
     tied = tied_state(ties, chain, state, tau)
     acting = tau if tied is None else tau - tied.J.T @ tied.λ
     slopes = forward_dynamics_derivatives(chain, q, qd, acting, tip_wrench=tip_wrench, frame=frame)

@@ -37,12 +37,12 @@ def problem_of(
         As in `lump`, `input_arrays` and `initial_state`.
     """
     if not tied:
-        refuse_ties(scene.tie)
+        refuse_ties(scene.ties)
     chain = of_kind(scene, lump(open_chain(scene)) if chain is None else chain)
     ties = tie_rows(scene, chain)
     base = FloatingBase(chain) if chain.has_free_base else None
     if base is not None:
-        refuse_ties(scene.tie, "a free base and ties together are not supported")
+        refuse_ties(scene.ties, "a free base and ties together are not supported")
     chain = chain if base is None else base.chain
     if scene.sensor:
         from flexlink.dynamics.sensors.signals import check_placements  # noqa: PLC0415

@@ -27,7 +27,7 @@ def made(study: Study) -> Part | None:
     pictures = [picture for picture in (_in_time(about), _prices(choices)) if picture is not None]
     sentences = (*_hinge_error(about), _step_error(about), _costs(about, choices))
     own = choices[0].seconds
-    ties = ", without ties" if study.scene.tie else ""
+    ties = ", without ties" if study.scene.ties else ""
     cost = f"CPU time of the steps{ties}: {number(study.scene.run.duration / own)} × real-time speed."
     verdicts = _verdict(about), Verdict("Cost", "info", _seconds(own), cost)
     return Part(tuple(filter(None, sentences)), verdicts, tuple(pictures), (_table(about, choices),))
@@ -76,7 +76,7 @@ def _step_length(about: Refinement) -> str:
 
 
 def _costs(about: Refinement, choices: Sequence[Choice]) -> str:
-    own, duration, ties = choices[0], about.scene.run.duration, "ties, " if about.scene.tie else ""
+    own, duration, ties = choices[0], about.scene.run.duration, "ties, " if about.scene.ties else ""
     sentences = [
         f"CPU time of the steps on this machine, without {ties}set-up and checks: {_seconds(own.seconds)} "
         f"({number(duration / own.seconds)} × real-time speed)."
@@ -95,7 +95,7 @@ def _costs(about: Refinement, choices: Sequence[Choice]) -> str:
                 f"Cheapest more accurate choice: {least.label} ({_seconds(least.seconds)}, tip error "
                 f"{_length(least.error)})."
             )
-        if not about.scene.tie:
+        if not about.scene.ties:
             sentences.append("To find the cheapest model for a given tolerance, use flexlink advise.")
     return " ".join(sentences)
 

@@ -43,7 +43,7 @@ def made(study: Study) -> Part:
         section = "; section treated as a rectangle" if peak.rectangle else ""
         facts = (Fact(f"{number(1e-6 * peak.pascals)} MPa", f"Largest bending stress of the run ({where}{section})"),)
     sentences[1:1] = [f"{fact.label}: {fact.value}." for fact in facts]
-    pictures = (_picture(study, driven), *([_of_ties(study)] if study.scene.tie else []))
+    pictures = (_picture(study, driven), *([_of_ties(study)] if study.scene.ties else []))
     return Part(tuple(sentences), facts=facts, pictures=pictures, tables=(_table(study),))
 
 
@@ -98,7 +98,7 @@ def _picture(study: Study, driven: list[int]) -> Picture:
 def _of_ties(study: Study) -> Picture:
     """Plot the forces of ties, and the torques of those on revolute joints; of forces with a direction, the size."""
     run, arm, columns = study.run, study.scene.arm, {"t [s]": study.run.t}
-    units = [arm.links[arm.number(t.link or 1) - 1].joint.terms.torque if t.on_joint else "N" for t in study.scene.tie]
+    units = [arm.links[arm.number(t.link or 1) - 1].joint.terms.torque if t.on_joint else "N" for t in study.scene.ties]
     figure, axes = stacked_axes(len(kinds := sorted(set(units))), 2.2)
     for place, ((name, force), unit) in enumerate(zip(run.tie_forces.items(), units, strict=True)):
         columns[f"{name} [{unit}]"] = size = force if force.ndim == 1 else np.linalg.norm(force, axis=1)

@@ -36,7 +36,7 @@ def made(study: Study) -> Part:
     drive = f"Drive: {scene.drive.kind}." if scene.drive.kind != "none" else "No drive: the joints turn freely."
     if scene.motion:
         drive += f" Prescribed motions: {', '.join(str(motion.link) for motion in scene.motion)}."
-    drive += f" Ties: {', '.join(f'{tie.name} ({tie.kind})' for tie in scene.tie)}." if scene.tie else ""
+    drive += f" Ties: {', '.join(f'{tie.name} ({tie.kind})' for tie in scene.ties)}." if scene.ties else ""
     remarks = [f"Check {hint}." for hint in hints(scene)]
     remarks += [f"Note: {note}." for note in (*defaults(scene), *notes(scene))]
     sentences = (*((scene.about + ".",) if scene.about else ()), size, f"{gravity} {drive}", *remarks)

@@ -25,7 +25,7 @@ def made(study: Study) -> Part | None:
     goal = _goal(study)
     if goal is None:
         return None
-    if study.scene.tie:
+    if study.scene.ties:
         return Part(("The settling of arms with ties is not computed.",))
     angles, end = goal
     chain, run = study.chain, study.run

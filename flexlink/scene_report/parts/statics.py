@@ -23,7 +23,7 @@ from flexlink.scene_report.study import Study
 def made(study: Study) -> Part:
     """Build the chapter."""
     chain, q = study.chain, study.start[0]
-    if not study.bends and not study.scene.tie:
+    if not study.bends and not study.scene.ties:
         held = bias_torque(chain, q, np.zeros(chain.n), **study.load)
         rigid = ("All links are rigid. The joints are locked at their initial angles.",)
         return Part(rigid, facts=_held(study, held), tables=_holding(study, q, held))

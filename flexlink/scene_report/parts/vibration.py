@@ -22,7 +22,7 @@ from matplotlib.figure import Figure  # isort: skip
 
 def made(study: Study) -> Part | None:
     """Build the chapter."""
-    if not study.bends and not study.scene.tie:
+    if not study.bends and not study.scene.ties:
         return None
     chain, rest = study.chain, study.rest
     found = modes(chain, rest.q, locked=study.held, ties=study.scene, **study.load)
