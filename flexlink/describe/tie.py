@@ -73,7 +73,7 @@ class Tie(TieEnd, frozen=True, kw_only=True):
     distance: the points keep the distance `length`, as at the ends of a rod without mass; with `times` and `lengths` it
     moves.  joint: the joint of the link stays at 0.  stop: the joint stays within its limits.
 
-    cylinder: a distance with oil on both sides of the piston, full at `length`, closed, and pumped as `lengths` say:
+    cylinder: a distance with oil on both sides of the piston, full at `length`, closed, and pumped to follow `lengths`:
     p = p₀ + β ln(V(l) / V(l + g)) in each chamber, p₀ its `pressures`, β the `bulk_modulus`; at 0 absolute it is empty.
     It pulls with A_rod p_rod − A_bore p_bore + `damping` ġ. There is no leakage, and the piston does not stop.
 

@@ -31,7 +31,7 @@ LOOPS = (
 )
 RAISED = {
     "lines of contracts": (7, "fits, sweeps, reports, advice and robots call the library, not its kernels"),
-    "classes": (9, f"{COMPILES}; {LOOPS}"), "constants": (23, f"{COMPILES}; {LOOPS}"),
+    "classes": (8, f"{COMPILES}; {LOOPS}"), "constants": (23, f"{COMPILES}; {LOOPS}"),
     "lines": (620, f"{COMPILES}; {LOOPS}"), "files": (8, LOOPS), "files that simulate imports": (5, LOOPS),
 }  # fmt: skip
 """By how much a limit may be exceeded, and the reason."""
