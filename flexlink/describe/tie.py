@@ -82,8 +82,8 @@ class Tie(TieEnd, frozen=True, kw_only=True):
     c the `dissipation` (Hunt & Crossley 1975). Steps end where it begins or ceases to press.
 
     `simulate`, `Problem` and `Simulator` take scenes with ties, as do
-    `simulate_many`, `sweep` and `sensitivities`. `solve_static`, `modes`, `buckling_loads`, `linearize` and `to_mjcf`
-    take them as `ties`. All other functions refuse them.
+    `simulate_many`, `sweep`, `sensitivities` and `report`. `solve_static`, `modes`, `buckling_loads`, `linearize` and
+    `to_mjcf` take them as `ties`. All other functions refuse them.
 
     Examples
     --------
@@ -254,7 +254,7 @@ def stops_of(limits: Limits, arm: Arm, ties: Sequence[Tie], motions: Sequence[Pr
 def refuse_ties(
     ties: Sequence[Tie],
     why: str = "only simulate, simulate_many, sweep, sensitivities, Problem, Simulator, solve_static, modes, "
-    "buckling_loads, linearize support ties",
+    "buckling_loads, linearize, report support ties",
 ) -> None:
     """Refuse a scene with ties.
 

@@ -37,12 +37,10 @@ def made(study: Study) -> Part:
         f"This equilibrium is {'stable' if rest.stable else 'unstable'}.",
         _buckling(study),
     )
-    pictures = (_picture(study, size),) if size > 0 else ()
+    pictures, tables = (_picture(study, size),) if size > 0 else (), _holding(study, rest.q, rest.tau)
     sags = Fact(f"{number(1e3 * size)} mm", f"Sag of the tip under gravity and load, {study.holding}")
     facts = (*((sags,) if size > 0 else ()), *_held(study, rest.tau))
-    return Part(
-        tuple(filter(None, sentences)), facts=facts, pictures=pictures, tables=_holding(study, rest.q, rest.tau)
-    )
+    return Part(tuple(filter(None, sentences)), facts=facts, pictures=pictures, tables=tables)
 
 
 def _held(study: Study, tau: Array) -> tuple[Fact, ...]:
