@@ -99,11 +99,11 @@ def test_the_crane_example_reaches_its_target_and_writes_a_film(figures: Figures
 
 @pytest.mark.slow
 def test_the_cylinders_bear_the_crane_and_lower_its_frequency_nearly_by_dunkerleys_rule(figures: Figures) -> None:
-    """The rule is a lower bound; oil and bending move the posture, and with it both frequencies, by a percent."""
+    """The rule is exact for one mass; those of the links change the mode by a percent, and oil the posture."""
     found = figures("crane_cylinders")
-    run, (own, cylinders, links) = found["run"], map(np.array, found["first"].values())
-    assert np.all(own > 0.99 * found["dunkerley"]) and np.all(own < 1.03 * found["dunkerley"])
-    assert np.all(own < links) and np.all(1.7 * own < cylinders)
+    run, (own, cylinders, _) = found["run"], map(np.array, found["first"].values())
+    np.testing.assert_allclose(own, found["dunkerley"], rtol=0.02)
+    assert np.all(1.7 * own < cylinders)
     at = complex(*found["lift"].point[:2]) * np.exp(1j * run.q[0, 0])  # x + i y of the rod's end on the boom
     rod = at - complex(*found["lift"].to.point[:2])
     force = run.chain.com(run.q[0])[0] * run.chain.weight / (np.conj(at) * rod / abs(rod)).imag
