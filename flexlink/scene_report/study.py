@@ -100,7 +100,7 @@ class Study:
     @cached_property
     def held(self) -> list[int]:
         """Joints that do not move in statics and modes: the driven ones; with ties, which move others, those held."""
-        found = held_joints(input_arrays(self.scene, self.chain)) if self.scene.ties else self.chain.active
+        found = held_joints(input_arrays(self.scene, self.chain), self.scene) if self.scene.ties else self.chain.active
         return list(found.tolist())
 
     @property

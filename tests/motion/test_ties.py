@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from pinocchio import rnea
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
 
@@ -20,12 +22,13 @@ from flexlink.dynamics.ties import gaps, tie_rows
 from flexlink.kernels.geometry.kinematics import forward_kinematics
 from flexlink.robots.importing import import_urdf
 from tests.campaigns.random_ties import judged
-from tests.support.loops import Loop, places
+from tests.support.loops import Loop, places, undriven
 from tests.support.touching import Touching
 from tests.support.words import refused
 
 HELD = {"kind": "pd", "kp": [9.0, 0.0, 0.0], "kd": [1.0, 0.0, 0.0], "target_deg": [60.0, -33.0, -116.0]}
 AT_REST = {"times": [0.0], "angle_deg": [60.0], "rate_deg": [0.0], "acceleration_deg": [0.0]}
+TIP = {"profile": "quintic", "to_deg": [70.0, -40.0, -110.0], "duration": 0.3, "follows": "tip"}
 STEP = {"duration": 0.4, "sample": 0.1, "step": 0.1, "method": "Radau5"}
 BENDS = {"flex": "z", "segments": 3}
 
@@ -56,12 +59,15 @@ def fourbar(**bends: object) -> fl.Scene:
     return arm(*lengths, ties=[pin("l3", 1.1, 0.0, 0.0)], start=[60.0, -33.03, -116.34])
 
 
-def checked(scene: fl.Scene, most: float = 3.0) -> fl.Trajectory:
+def checked(scene: fl.Scene, most: float = 3.0, law: Callable | None = None) -> fl.Trajectory:
     """The run of a scene, which is closed at all samples, and near that of another engine."""
     problem = fl.Problem(scene)
     chain, ties = problem.chain, tie_rows(scene, problem.chain)
     run = problem.simulate()
-    truth = Loop(chain, ties[0]).run(run.q[0], run.qd[0], run.t)
+    loop, rate = Loop(chain, ties[0]), scene.drive.rate
+    torque = undriven if law is None else law(scene, loop)
+    held = None if rate is None else np.arange(0.0, run.t[-1], 1.0 / rate)
+    truth = loop.run(run.q[0], run.qd[0], run.t, torque, held=held)
     off = np.linalg.norm(places(chain, run.q) - places(chain, truth), axis=2).max()
     assert off <= most * run.stated.allowed
     assert run.kept
@@ -75,6 +81,46 @@ def checked(scene: fl.Scene, most: float = 3.0) -> fl.Trajectory:
 @pytest.mark.parametrize("bends", [{}, BENDS], ids=["rigid", "bending"])
 def test_a_four_bar_linkage_moves_as_in_another_engine(bends: dict, tolerance: float) -> None:
     checked(fourbar(**bends).varied({"run.tolerance": tolerance}))
+
+
+def control(scene: fl.Scene, loop: Loop) -> Callable:
+    """Torques by Pinocchio of the open rigid arm, along `drive.reference`."""
+    chain, drive = loop.chain, scene.drive
+    rigid = Loop(fl.lump(open_chain(scene).rigidified()), [])
+    model, data, order, active, zero = rigid.model, rigid.data, rigid.order, chain.active, np.zeros(len(chain.active))
+    kp, kd, start, end = np.array(drive.kp), np.array(drive.kd), *np.radians([scene.starts, drive.reference.to_deg])
+
+    def own(*motion: np.ndarray) -> np.ndarray:
+        placed = np.zeros((3, len(active)))
+        placed[:, order] = motion
+        return rnea(model, data, *placed)[order]
+
+    def torque(t: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+        x, T, τ = min(t / drive.reference.duration, 1.0), drive.reference.duration, np.zeros(len(q))
+        s, v, a = x**3 * (10 - 15 * x + 6 * x * x), 30 * x * x * (1 - x) ** 2 / T, 60 * x * (1 - x) * (1 - 2 * x) / T**2
+        r = start + (end - start) * s
+        feedback = kp * (r - q[active]) + kd * ((end - start) * v - qd[active])
+        if drive.kind == "computed_torque":
+            τ[active] = own(q[active], qd[active], (end - start) * a + feedback)
+        else:
+            τ[active] = feedback + own(r, zero, zero)
+        return τ
+
+    return torque
+
+
+SAMPLED = {"kind": "computed_torque", "kp": [100.0] * 3, "kd": [5.0] * 3, "rate": 200.0}
+STIFF = {"material.steel.young": 7e10, "initial.passive": "static"}
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
+@pytest.mark.parametrize(("law", "more"), [(HELD | {"gravity": "rigid"}, {}), (SAMPLED, STIFF)])
+def test_drives_with_a_model_of_the_open_arm_move_a_loop_as_in_another_engine(
+    law: dict, more: dict, tolerance: float
+) -> None:
+    move = {"profile": "quintic", "to_deg": [75.0, -40.0, -120.0], "duration": 0.3}
+    scene = fourbar(**BENDS).varied({"drive": law | {"target_deg": None, "reference": move}, **more})
+    assert np.ptp(checked(scene.varied({"run.tolerance": tolerance}), law=control).q[:, 0]) > 0.2
 
 
 def test_a_hinge_with_a_redundant_row_holds_as_two_points_do() -> None:
@@ -528,7 +574,8 @@ def test_an_accelerometer_on_a_loop_feels_what_differences_of_the_motion_show() 
         ({"tie.pin.to.point": [3.0, 0.0, 0.0]}, "ties-open"),
         ({"run": {"duration": 1.0, "step": 0.01, "method": "Gauss4"}}, "method-with-ties"),
         ({"motion": [{"link": "l1", **AT_REST}], "drive": {}}, "ties-not-supported"),
-        ({"drive": {**HELD, "gravity": "static"}}, "ties-not-supported"),
+        ({"drive": {**HELD, "target_deg": None, "reference": TIP}}, "ties-not-supported"),
+        ({"drive": HELD | {"kind": "computed_torque"}}, "ties-not-supported"),
         ({"base": {"kind": "free", "mass": 1.0, "inertia": [1, 1, 1]}, "gravity": [0, 0, 0]}, "ties-not-supported"),
         ({"tie.pin.kind": "hinge"}, "missing-key"),
         ({"tie.pin.length": 1.0}, "key-of-another-kind"),

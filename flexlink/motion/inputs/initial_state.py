@@ -80,7 +80,7 @@ def state_under(inputs: Inputs, scene: Scene, chain: Chain, ties: Ties | None = 
         from flexlink.dynamics.tied_equilibrium import tied_equilibrium  # noqa: PLC0415  statics
 
         wrench, frame = wrench_at(inputs, initial.time)
-        q = tied_equilibrium(ties, chain, q, held_joints(inputs), wrench, frame, initial.time)
+        q = tied_equilibrium(ties, chain, q, held_joints(inputs, scene), wrench, frame, initial.time)
     elif initial.passive == "static" and len(chain.active) < chain.n:
         from flexlink.dynamics.equilibrium import static_posture  # noqa: PLC0415  statics
 
@@ -91,9 +91,11 @@ def state_under(inputs: Inputs, scene: Scene, chain: Chain, ties: Ties | None = 
     return q, qd
 
 
-def held_joints(inputs: Inputs) -> Indices:
-    """Joints that a drive holds at rest: those with gains; all driven ones if none has."""
-    return np.asarray(inputs.drive.joints[(inputs.drive.kp > 0.0) | (not inputs.drive.kp.any())])
+def held_joints(inputs: Inputs, scene: Scene) -> Indices:
+    """Joints that a drive holds at rest: those with gains; all driven ones if none has, or if a model gives torques."""
+    drive = inputs.drive
+    by_model = scene.drive.kind == "computed_torque" or scene.drive.gravity != "none"
+    return np.asarray(drive.joints[(drive.kp > 0.0) | by_model | (not drive.kp.any())])
 
 
 def stated(scene: Scene, chain: Chain) -> tuple[Array, Array]:
