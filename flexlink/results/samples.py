@@ -163,9 +163,10 @@ class RunSamples(Result):
         """Largest errors of linear momentum [N s] and angular momentum about the centre of mass [N m s] of a free base.
 
         From the first sample on, linear momentum must change by m g t, and angular momentum must be constant. The
-        result is None if a wrench acts, or if the base is fixed.
+        result is None if a wrench acts, if a tie holds a point in frame 0, or if the base is fixed.
         """
-        if self.base is None or self.tip_wrench.any() or not len(self.t):
+        held = self.scene is not None and any(not tie.on_joint and tie.to.link is None for tie in self.scene.ties)
+        if self.base is None or held or self.tip_wrench.any() or not len(self.t):
             return None
         momentum, weight = self.base.momentum, self.chain.mass * self.chain.gravity
         fallen = np.multiply.outer(self.t - self.t[0], weight)

@@ -1,4 +1,4 @@
-"""Ties in other engines and in files: accelerations of random tied arms, and a short run."""
+"""Ties in other engines and in files: accelerations of random tied arms, and short runs."""
 
 from pathlib import Path
 
@@ -10,6 +10,7 @@ import pytest
 import flexlink as fl
 from flexlink.chain.lumping import open_chain
 from flexlink.cli.main import main
+from flexlink.dynamics.floating_base import FAR
 from flexlink.dynamics.tied_motion import tied_acceleration
 from flexlink.dynamics.ties import Ties, gaps, tie_rows
 from tests.campaigns.ties_in_mujoco import given, judged, tied
@@ -154,3 +155,27 @@ def test_an_export_reports_what_becomes_of_ties(tmp_path: Path, capsys: pytest.C
     assert mujoco.MjModel.from_xml_path(str(file)).ntendon == 1
     assert main(["export", path, "--c", str(tmp_path / "rod.c")]) == 2
     refused_line(capsys.readouterr().err, "ties-not-supported")
+
+
+@pytest.mark.parametrize("bends", [{}, {"flex": "z", "segments": 3}], ids=["rigid", "bending"])
+def test_a_loop_on_a_free_base_moves_as_in_mujoco(bends: dict) -> None:
+    """The base turns by more than its angles may, so that their reference changes."""
+    spring = {"name": "s", "kind": "distance", "link": "l3", "x": 0.4, "length": 0.5, "stiffness": 50.0}
+    ties = [point("l3", 1.1, 0.0, 0.0), spring | {"to": {"link": "l1", "x": 0.1}}]
+    lengths = ({"length": length, **bends} for length in (0.4, 1.0, 0.8))
+    scene = arm(*lengths, ties=ties, start=[60.0, -33.03, -116.34]).varied({
+        "base": {"kind": "free", "mass": 2.0, "inertia": [0.05, 0.08, 0.1]}, "gravity": [0, 0, 0],
+        "initial.base": {"spin_deg": [45.0, -75.0, 150.0]}, "initial.rate_deg": [100.0, 0.0, 0.0],
+        "run": {"duration": 0.8, "sample": 0.4, "tolerance": 1e-6},
+    })  # fmt: skip
+    run = fl.simulate(scene)
+    assert np.abs(run.q[:, 3:6]).max() > FAR
+    assert run.momentum_error is None
+    chain, step = fl.Problem(scene).chain, 5e-5
+    file = fl.to_mjcf(chain, initial=fl.initial_state(scene, chain), ties=scene, timestep=step)
+    model = mujoco.MjModel.from_xml_string(file)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    for k in (1, 2):
+        mujoco.mj_step(model, data, round(0.4 / step))
+        np.testing.assert_allclose(data.body("base_link").xpos, run.q[k, :3], atol=3e-6)

@@ -576,7 +576,6 @@ def test_an_accelerometer_on_a_loop_feels_what_differences_of_the_motion_show() 
         ({"motion": [{"link": "l1", **AT_REST}], "drive": {}}, "ties-not-supported"),
         ({"drive": {**HELD, "target_deg": None, "reference": TIP}}, "ties-not-supported"),
         ({"drive": HELD | {"kind": "computed_torque"}}, "ties-not-supported"),
-        ({"base": {"kind": "free", "mass": 1.0, "inertia": [1, 1, 1]}, "gravity": [0, 0, 0]}, "ties-not-supported"),
         ({"tie.pin.kind": "hinge"}, "missing-key"),
         ({"tie.pin.length": 1.0}, "key-of-another-kind"),
         ({"tie.pin.to": {}}, "missing-key"),

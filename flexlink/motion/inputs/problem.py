@@ -41,8 +41,6 @@ def problem_of(
     chain = of_kind(scene, lump(open_chain(scene)) if chain is None else chain)
     ties = tie_rows(scene, chain)
     base = FloatingBase(chain) if chain.has_free_base else None
-    if base is not None:
-        refuse_ties(scene.ties, "a free base and ties together are not supported")
     chain = chain if base is None else base.chain
     if scene.sensor:
         from flexlink.dynamics.sensors.signals import check_placements  # noqa: PLC0415
