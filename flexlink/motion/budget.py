@@ -32,14 +32,8 @@ class Spent(NamedTuple):
 class Budget:
     """Evaluation budget of a run, or of one call of a simulator.
 
-    Attributes
-    ----------
-    over
-        Why the run must stop; empty while it may go on.
-    slow
-        Why the run would exceed its budget at its present pace; empty until two consecutive checks predict this.
-    safe
-        Number of evaluations after which the next check is due.
+    `over`: why the run must stop, empty while it may go on; `slow`: why it would exceed its budget at its pace, empty
+    until two consecutive checks predict this; `safe`: number of evaluations after which the next check is due.
     """
 
     def __init__(self, most: float, duration: float) -> None:

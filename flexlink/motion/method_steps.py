@@ -47,47 +47,20 @@ NEVER = 2**62
 class MethodSteps:
     """Steps of a run from its start, by the run's method or by automatically chosen methods.
 
-    Attributes
-    ----------
-    state
-        q, q̇, q̈ (n,), and the work W with its power (2,), at the time reached.
-    name, why, method
-        Name of the present method, the reason for its choice, and its coefficients.
-    methods
-        All methods so far, each with the index of its first sample and the reason for its choice.
-    end
-        End of the present piece [s].
-    settings
-        Settings of the steps, in the order of `adaptive.advance`.
-    read
-        T k_d of a sampled law that no drive describes (n,), as in `Springs.impulse`.
-    dearest
-        Largest number of evaluations in an adaptive step; 0 for fixed steps.
-    types
-        Types of all arguments of the steps, which select their compiled code; if empty, the arguments are inspected.
-    prices
-        CPU time of each of the `OPERATIONS` by the present method [s].
-    spent, taken
-        CPU time of steps by earlier methods [s], and the time at which the present method took over [s].
-    consider_at
-        Number of attempted steps at which a switch of method is considered next.
-    rated_since
-        Time, and cost of the present method, at the start of the steps from which its cost rate is computed.
-    guesses, rates
-        CPU time per second of motion with each method, estimated and measured [s/s]; inf if the method got stuck.
-    tried, tried_for
-        Cost of the run when each method was last started or left [s]; and the method, with its reason, to which the run
-        returns if a trial is unsuccessful.
+    `state`: q, q̇, q̈ (n,), and the work W with its power (2,), at the time reached; `methods`: first sample, name and
+    reason of each so far; `end`: of the present piece [s]; `read`: T k_d (n,) of a sampled law that no drive describes;
+    `dearest`: most evaluations in an adaptive step, 0 for fixed ones; `prices`: of the `OPERATIONS` by the present
+    method, which took over at the time `taken`, when earlier ones had `spent` CPU time [s].
     """
 
-    settings: tuple[float, ...]
-    types: bytes
-    consider_at: int
-    rated_since: tuple[float, float] | None
-    guesses: dict[str, float]
-    rates: dict[str, float]
-    tried: dict[str, float]
-    tried_for: tuple[str, str] | None
+    settings: tuple[float, ...]  # of the steps, in the order of `adaptive.advance`
+    types: bytes  # of all arguments of the steps, which select their compiled code; if empty, they are inspected
+    consider_at: int  # number of attempted steps at which a switch of method is considered next
+    rated_since: tuple[float, float] | None  # time, and cost, at the start of the steps that give the cost rate
+    guesses: dict[str, float]  # CPU time per second of motion with each method [s/s]
+    rates: dict[str, float]  # the same, measured; inf if the method got stuck
+    tried: dict[str, float]  # cost of the run when each method was last started or left [s]
+    tried_for: tuple[str, str] | None  # method, and reason, to which the run returns from an unsuccessful trial
 
     def __init__(self, record: Record, by_drive: bool, halved: bool, passes: bool) -> None:
         n = record.chain.n

@@ -46,23 +46,10 @@ class Monitor:
     """Checks the samples of a run, chunk by chunk in the order of time.
 
     Each sample is checked against earlier ones only, so results do not depend on the length of the chunks.
-
-    Attributes
-    ----------
-    n_valid
-        Number of valid samples, counted from the first.
-    failure
-        Fault of the first invalid sample; empty if there is none.
-    warnings
-        Warnings about the valid samples, with their ids.
-    confirmed
-        Whether a verification run has confirmed the result.
-    before, stated, scene
-        Stated errors of the run that this one continues, and of this one once it has ended; scene of the result.
     """
 
-    before: StatedError | None
-    stated: StatedError | None
+    before: StatedError | None  # of the run that this one continues
+    stated: StatedError | None  # of this run, once it has ended
 
     def __init__(self, record: Record, warnings: tuple[Diagnostic, ...] = (), control: Control | None = None) -> None:
         chain, run = record.chain, record.run
@@ -78,9 +65,10 @@ class Monitor:
     def start(self, warnings: tuple[Diagnostic, ...] = ()) -> None:
         """Watch the run whose samples the record holds now, with warnings from the check of its step."""
         self.run = self.record.run
-        self.n_valid, self.confirmed, self.scene = 0, False, self.record.problem.scene
+        self.n_valid, self.scene = 0, self.record.problem.scene  # number of valid samples, from the first
+        self.confirmed = False  # by a verification run
         self.before, self.stated = None, None
-        self.failure: str = ""
+        self.failure: str = ""  # fault of the first invalid sample
         self.warnings = [*warnings, *loop_warning(self.record)]
         self.methods: Sequence[tuple[int, str, str]] = ()
         self.steps, (self.deflection, self.angle_travelled, self.drifting) = Steps(self.run.method, 0, 0), (0.0,) * 3

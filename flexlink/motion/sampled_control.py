@@ -49,22 +49,9 @@ Tableau = tuple[Array, Array, Array]
 class Control:
     """A control law in a run: sampled at a rate and held in between, or evaluated at every stage.
 
-    Attributes
-    ----------
-    apart
-        Number of fixed steps between two instants; not defined for adaptive steps.
-    times
-        Instants [s] for which the run stores the law's torques: its sampling instants, or the samples of the run.
-    joints
-        Number of driven joints.
-    between
-        Time between two instants [s].
-    drive
-        Drive with the law's held torques at all instants so far, and 0 at later ones.
-    impulse
-        Estimated gains T k_d with which the law reads the rates (n,).
-
-    `before` are torques on their way when an earlier run ended, as from `Drive.delayed`.
+    `apart`: number of fixed steps between two instants; `between`: their distance [s]; `times`: instants [s] for which
+    the run stores torques; `joints`: number of driven ones; `drive`: with the torques held so far, 0 at later instants;
+    `impulse`: estimated T k_d (n,) with which the law reads rates; `before`: torques on their way as a run begins.
     """
 
     def __init__(

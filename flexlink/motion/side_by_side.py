@@ -86,13 +86,7 @@ class Samples(NamedTuple):
 
 
 class Block:
-    """Up to eight similar members; `integrate` computes their samples.
-
-    Attributes
-    ----------
-    q, qd, tau, tip, energy, works
-        Samples (members, rows, n), (members, rows, 3), (members, 3, rows) and (members, rows).
-    """
+    """Up to eight similar members; `integrate` computes their samples."""
 
     lanes = LANES  # most members
 

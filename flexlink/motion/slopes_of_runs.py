@@ -58,21 +58,11 @@ def weights(at: Places) -> tuple[float, ...]:
 
 
 class Neighbours(NamedTuple, Generic[Value]):
-    """Values of a function at the neighbours of a point along one coordinate.
+    """Values of a function at the neighbours of a point along one coordinate."""
 
-    Attributes
-    ----------
-    at
-        The neighbours, in multiples of the step.
-    step
-        The step.
-    values
-        Value at each neighbour.
-    """
-
-    at: Places
+    at: Places  # in multiples of the step
     step: float
-    values: list[Value]
+    values: list[Value]  # at each neighbour
 
     def slope(self, middle: Array, read: Callable[[Value], Array]) -> Array:
         """Derivative of the quantity that `read` extracts from a value; `middle` is this quantity at the point."""
@@ -157,24 +147,12 @@ def smooth(scene: Scene, tolerance: float) -> Scene:
 
 
 class RunSlopes(NamedTuple):
-    """A run, and neighbouring runs with slightly changed parameters of the scene.
-
-    Attributes
-    ----------
-    run
-        The run of the scene.
-    middle
-        The run with noiseless sensors and a small tolerance, from which differences are taken.
-    values
-        Values of the parameters, shape (p,).
-    beside
-        The neighbouring runs of each parameter.
-    """
+    """A run, and neighbouring runs with slightly changed parameters of the scene."""
 
     run: Trajectory
-    middle: Trajectory
-    values: Array
-    beside: tuple[Neighbours[Trajectory], ...]
+    middle: Trajectory  # with noiseless sensors and a small tolerance: differences are taken from it
+    values: Array  # of the parameters (p,)
+    beside: tuple[Neighbours[Trajectory], ...]  # of each parameter
 
     @property
     def step(self) -> Array:

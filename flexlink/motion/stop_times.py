@@ -41,10 +41,7 @@ class StopTimes:
     All steps end at samples if errors of longer steps would exceed the tolerance: for freely tumbling bodies, whose
     motion amplifies errors, and if `passes` is False, as in a run that verifies fixed steps.
 
-    Attributes
-    ----------
-    passed_by
-        Minimum length of an adaptive step that may extend beyond a sample [s]; inf: steps end there.
+    `passed_by`: minimum length of an adaptive step that may extend beyond a sample [s]; inf: steps end there.
     """
 
     def __init__(

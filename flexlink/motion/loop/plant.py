@@ -25,44 +25,22 @@ from flexlink.motion.inputs.actuation import wrench_at
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Plant:
-    """δẋ = A δx + B δu, δy = C δx + D δu, with angles in units of 1/ω, which balances A.
+    """δẋ = A δx + B δu, δy = C δx + D δu, with angles in units of 1/ω, which balances A."""
 
-    Attributes
-    ----------
-    A, B, C, D
-        Shapes (s, s), (s, m), (p, s), (p, m). u are the torques of the m driven joints that move; y is (q, q̇), and
-        then the readings of sensors.
-    delays
-        Delay of each output [s], shape (p,).
-    chain, t, q
-        Chain, time [s] and angles (n,) about which the model is linearized.
-    angles
-        Coordinate of each of the first states, which are angles.
-    unit
-        Factor of these angles, ω (1/s).
-    moving
-        Numbers of the inputs among `chain.active`.
-    inputs
-        Names of the inputs with their units.
-    readings
-        Names of the sensor columns.
-    """
-
-    A: Array
-    B: Array
-    C: Array
-    D: Array
-    delays: Array
+    A: Array  # (s, s)
+    B: Array  # (s, m); u: torques of the m driven joints that move
+    C: Array  # (p, s); y: q, q̇, and then the readings of sensors
+    D: Array  # (p, m)
+    delays: Array  # of each output [s], (p,)
     chain: Chain
-    t: float
+    t: float  # [s] and q (n,): about which the model is linearized
     q: Array
-    angles: NDArray[np.intp]
-    unit: Array
-    moving: NDArray[np.intp]
-    inputs: tuple[str, ...]
-    readings: tuple[str, ...]
-    seen: Array
-    """Values of the sensor columns about which they are linearized."""
+    angles: NDArray[np.intp]  # coordinate of each of the first states, which are angles
+    unit: Array  # factor of these angles, ω [1/s]
+    moving: NDArray[np.intp]  # numbers of the inputs among `chain.active`
+    inputs: tuple[str, ...]  # names with units
+    readings: tuple[str, ...]  # names of the sensor columns
+    seen: Array  # values of the sensor columns about which they are linearized
 
     @property
     def matrices(self) -> Matrices:
