@@ -156,18 +156,6 @@ class Limits(Spec, frozen=True):
     dissipation_m: Annotated[NonNegative, measured_in("s/m")] = 0.0
     """Their factor of the speed [s/m]."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for key, stiffness in (("dissipation", "stiffness"), ("dissipation_m", "stiffness_m")):
-            if getattr(self, key) and getattr(self, stiffness) is None:
-                raise self._refused(key, f"needs a spring; give {stiffness}, or leave it out", "needs-another-key")
-
-    def of(self, joint: Joint) -> tuple[str, float | None, float]:
-        """Key of the stiffness for a joint, the stiffness and the dissipation."""
-        if joint.slides:
-            return "stiffness_m", self.stiffness_m, self.dissipation_m
-        return "stiffness", self.stiffness, self.dissipation
-
 
 class Mount(Spec, frozen=True):
     """Placement of a joint frame in the end frame of the parent link (for the first link: in frame 0).

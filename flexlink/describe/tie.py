@@ -239,22 +239,23 @@ def stops_of(limits: Limits, arm: Arm, ties: Sequence[Tie], motions: Sequence[Pr
     if limits == Limits():
         return
     known = {tie.link for tie in ties if tie.kind == "stop"} | {motion.link for motion in motions}
-    limited = [(link, *limits.of(link.joint)) for link in arm.links if link.joint.limits]
-    for key in ("stiffness", "stiffness_m"):
-        if (k := getattr(limits, key)) is not None and key not in {used for _, used, *_ in limited}:
+    limited = [(link, "_m" if link.joint.terms.unit == "m" else "") for link in arm.links if link.joint.limits]
+    for key in ("stiffness", "dissipation", "stiffness_m", "dissipation_m"):
+        if getattr(limits, key) and key.endswith("_m") not in {bool(m) for _, m in limited}:
             why = "has no effect; no joint of this kind has limits; leave it out"
-            raise SceneError(f"limits.{key} = {k!r}: {why}", id="no-effect")
-    for link, key, k, c in limited:
+            raise SceneError(f"limits.{key} = {getattr(limits, key)!r}: {why}", id="no-effect")
+    for link, m in limited:
         if not link.joint.locked and not known & {link.name, arm.number(link.name)}:
+            k, c = getattr(limits, f"stiffness{m}"), getattr(limits, f"dissipation{m}")
             if k is None:
-                raise missing(f"limits.{key}", f"joint {link.name!r} is {link.joint.kind}")
+                raise missing(f"limits.stiffness{m}", f"joint {link.name!r} is {link.joint.kind}")
             yield Tie(name=f"stop of {link.name}", kind="stop", link=link.name, stiffness=k, dissipation=c)
 
 
 def refuse_ties(
     ties: Sequence[Tie],
-    why: str = "only simulate, simulate_many, sweep, sensitivities, Problem, Simulator, solve_static, modes, "
-    "buckling_loads, linearize, report support ties",
+    why: str = "only runs, sweeps, reports, sensitivities, solve_static, modes, buckling_loads, linearize and to_mjcf "
+    "support ties",
 ) -> None:
     """Refuse a scene with ties.
 

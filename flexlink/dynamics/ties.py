@@ -46,12 +46,12 @@ def tie_rows(scene: Scene, chain: Chain) -> Ties | None:
     """
     if not scene.ties:
         return None
-    drive = scene.drive
+    sampled, reference = scene.drive.rate is not None, scene.drive.reference
     for there, what in (
         (scene.motion, "[[motion]]"),
-        (drive.reference is not None and drive.reference.follows == "tip", "drive.reference.follows = 'tip'"),
-        # Newton's matrix lacks the law's slopes, which stiff loops need
-        (drive.kind == "computed_torque" and drive.rate is None, "drive.kind = 'computed_torque' without drive.rate"),
+        (reference is not None and reference.follows == "tip", "drive.reference.follows = 'tip'"),
+        # without a rate, Newton's matrix lacks the law's slopes, which stiff loops need
+        (scene.drive.kind == "computed_torque" and not sampled, "drive.kind = 'computed_torque' without drive.rate"),
     ):
         if there:
             refuse_ties(scene.ties, f"{what} and ties together are not supported")
