@@ -23,11 +23,7 @@ from flexlink.common.errors import (
     UnstableStepError,
 )
 from flexlink.common.versions import old_name
-from flexlink.results.stop_reasons import (
-    ControlError,
-    DivergenceError,
-    InterruptedRunError,
-)
+from flexlink.results.stop_reasons import ControlError, DivergenceError, InterruptedRunError
 
 __all__ = [
     "ArgumentError", "ControlError", "ConvergenceError", "DataFileError", "DivergenceError", "EngineError",

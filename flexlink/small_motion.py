@@ -4,9 +4,4 @@ from flexlink.dynamics.vibration.linear import pd_poles
 from flexlink.dynamics.vibration.sensor_outputs import SensorOutputs
 from flexlink.dynamics.vibration.steady import equilibrium_in_motion, modes_in_motion
 
-__all__ = [
-    "SensorOutputs",
-    "equilibrium_in_motion",
-    "modes_in_motion",
-    "pd_poles",
-]
+__all__ = ["SensorOutputs", "equilibrium_in_motion", "modes_in_motion", "pd_poles"]

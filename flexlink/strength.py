@@ -4,8 +4,4 @@ from flexlink.dynamics.equilibrium import buckling_loads
 from flexlink.dynamics.loads import internal_loads
 from flexlink.dynamics.strain import beam_strain
 
-__all__ = [
-    "beam_strain",
-    "buckling_loads",
-    "internal_loads",
-]
+__all__ = ["beam_strain", "buckling_loads", "internal_loads"]

@@ -120,8 +120,7 @@ class Advisor:
         if refinement.limit is None:
             why = f"{self.scene.name}: fewer than two models could be run: {refinement.reason}"
             raise ArgumentError(why, id="too-few-models")
-        of_steps = refinement.remove_step_errors()
-        known = refinement.limit.errors + of_steps + self.norm.up_to(screening.left_out)
+        known = refinement.limit.errors + refinement.remove_step_errors() + self.norm.up_to(screening.left_out)
         if known[-1] >= refinement.tolerance:
             return self._cannot(refinement, known)
         return self._cheapest(refinement, known)
@@ -206,8 +205,7 @@ class Advisor:
                 search.accept(level, outcome)
             best = search.solution
         if self.measure != "simulation":
-            explicit = self.measure == "explicit"
-            shapes = ShapeSearch(self.runner, link_errors, tolerance - known_to, explicit=explicit)
+            shapes = ShapeSearch(self.runner, link_errors, tolerance - known_to, explicit=self.measure == "explicit")
             best = shapes.best(best)
             self.lines += [line("tried", text) for text in shapes.lines]
         if best is None:

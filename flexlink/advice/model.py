@@ -15,8 +15,6 @@ from flexlink.describe.link import AXES, RIGID, Link, StrainModes
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import Sensor
 
-# Families of lumping rules for a refinement study: their numbers of hinges, and the orders of their errors.
-
 
 class Family(NamedTuple):
     """Lumping rules of one kind, for all numbers of hinges that the family offers."""
@@ -100,8 +98,7 @@ def all_axes(scene: Scene) -> Axes:
 def _axes_of(arm: Arm, link: Link) -> str:
     if link.rigidity is None:
         return "xyz"
-    table = arm.rigidities[link.rigidity]
-    return next((flex for flex in reversed(FLEX) if not any(table.lacks(flex))), "rigid")
+    return next((flex for flex in reversed(FLEX) if not any(arm.rigidities[link.rigidity].lacks(flex))), "rigid")
 
 
 def is_beam(link: Link) -> bool:

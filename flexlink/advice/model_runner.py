@@ -177,8 +177,7 @@ class ModelRunner:
 
     def estimated_step(self, link: int, bend: Bend) -> float:
         """Estimate of RK4's stable step [s] if only this link bends; the other links hardly change it."""
-        model = tuple(bend if k == link else None for k in range(len(self.scene.arm.links)))
-        chain = self.chain(model)
+        chain = self.chain(tuple(bend if k == link else None for k in range(len(self.scene.arm.links))))
         _, q, _ = self.states(chain)[0]
         fastest = max(fastest_frequency(chain, q), fastest_decay(chain, q))
         return 2.78 / fastest if fastest else np.inf  # RK4's limit of |h λ|, to a few percent for all directions of λ

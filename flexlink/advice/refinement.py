@@ -277,9 +277,6 @@ def _least_rigidity(arm: Arm, link: Link) -> float:
     return arm.materials[link.material or ""].young * min(min(end) for end in ends)
 
 
-# Horizon of a model, which is the time up to which the model meets the tolerance, and growth of its errors.
-
-
 def horizon(refinement: RefinementStudy, norm: TipErrorNorm, known: Array) -> float:
     """Time [s] up to which the finest level is within the tolerance; `known`: error of the limit (samples,) [m]."""
     assert refinement.limit is not None

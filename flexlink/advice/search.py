@@ -292,8 +292,7 @@ class ShapeSearch:
         stations = self._coarsest(0.5)
         if stations is None:
             return None
-        most = min(bend.hinges for bend in stations.model if bend)
-        for count in range(1, most + 1):
+        for count in range(1, min(bend.hinges for bend in stations.model if bend) + 1):
             model = tuple(bend and bend._replace(modes=of_number(count)) for bend in stations.model)
             if solution := self._tried(model, self.stepping):
                 return self._with_fewer(solution)

@@ -46,8 +46,7 @@ class Springs(NamedTuple):
         loss = np.array([arm.loss_time(self.link) for arm in arms])[:, None]
         materials = [] if self.link.material is None else [arm.materials[self.link.material] for arm in arms]
         young = np.array([material.young for material in materials])[:, None]
-        shear = np.array([material.shear for material in materials])[:, None]
-        k, coupled = self.constants(young, shear)
+        k, coupled = self.constants(young, np.array([material.shear for material in materials])[:, None])
         hinges["stiffness"][:, self.rows], hinges["damping"][:, self.rows] = k, loss * k
         couplings["stiffness"][:, self.coupled], couplings["damping"][:, self.coupled] = coupled, loss * coupled
 
@@ -201,9 +200,6 @@ def _twist_rotors(link: Link, rule: LumpingRule, beam: SectionBeam | TableBeam, 
             raise SceneError(text, id="twist-inertia-outweighs")
         A = A * rotors[i] / (A + rotors[i])
     return rotors
-
-
-# Rigid segments of a beam: slices between hinges or, in cells of coupled springs, segments with exact mass matrix.
 
 
 Segment = tuple[SpatialInertia | None, tuple[float, float], Array]

@@ -93,9 +93,6 @@ class SectionBeam:
         return mass, center, np.array([y + z, y + bending, z + bending]).T
 
 
-# A beam whose rigidities and masses are tabulated along it; integrals between rows are exact up to rounding.
-
-
 GAUSS = np.polynomial.legendre.leggauss(4)
 """Gauss rule that is exact for linear masses times x², and for their double integrals."""
 LARGEST_RATIO = 2.0
@@ -109,8 +106,7 @@ def points_between(edges: Array, knots: Array, rule: tuple[Array, Array] = GAUSS
     if not len(knots) and len(edges) == 2 and edges[0] < edges[1]:  # one piece
         half = (edges[1] - edges[0]) / 2
         return np.zeros(len(rule[0]), np.intp), edges[0] + half * (1 + rule[0]), half * rule[1]
-    inside = knots[(knots > edges[0]) & (knots < edges[-1])]
-    cuts = np.unique(np.concatenate([edges, inside]))
+    cuts = np.unique(np.concatenate([edges, knots[(knots > edges[0]) & (knots < edges[-1])]]))
     halves = np.diff(cuts) / 2
     owner = np.clip(np.searchsorted(edges, cuts[:-1], side="right") - 1, 0, len(edges) - 2)
     x, weight = cuts[:-1, None] + halves[:, None] * (1 + rule[0]), halves[:, None] * rule[1]

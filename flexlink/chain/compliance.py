@@ -59,8 +59,7 @@ def cell_constants(beam: TableBeam, cells: Cells, count: int) -> Array:
     p, cell = cells.hinges, cells.cell
     edges = np.linspace(0.0, 1.0, count // p + 1)
     (owner, x, weight), per = beam.flexibility(edges, 2 * (p - 1))
-    local = (x - edges[owner]) * (count // p)
-    basis = _lagrange(cell.points, local)
+    basis = _lagrange(cell.points, (x - edges[owner]) * (count // p))
     F = np.zeros((3, count // p, p, p))
     for axis in range(3):
         np.add.at(F[axis], owner, (weight * per[axis])[:, None, None] * basis[:, :, None] * basis[:, None, :])
@@ -77,8 +76,7 @@ def curvatures(beam: TableBeam, rule: LumpingRule, hinges: tuple[Array, Array], 
     cell, p = rule.cells.cell, rule.cells.hinges
     K, points = cell_constants(beam, rule.cells, len(nodes)), rule.cells.gauss_points(len(nodes))
     M = np.linalg.solve((cell.weights[:, None] * cell.curvature).T, K)  # (3, cells, p, p), moments per angle
-    each = angles.reshape(*angles.shape[:-1], -1, p)
-    moments = np.einsum("aeij,...ej->a...ei", M, each).reshape(3, *angles.shape)
+    moments = np.einsum("aeij,...ej->a...ei", M, angles.reshape(*angles.shape[:-1], -1, p)).reshape(3, *angles.shape)
     EI = beam.rigidities(points)
     return np.asarray([part / row for part, row in zip(moments, EI, strict=True)])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterable, Iterator
 from itertools import accumulate, pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -358,18 +358,14 @@ OF_LAYOUT = [name for name, value in vars(Layout).items() if isinstance(value, f
 """Names of cached properties that chains of the same layout share."""
 
 
-class Branch(NamedTuple):
-    """Consecutive bodies, indexed from 0, each the parent of the next, and the parent of the first one."""
-
-    parent: int  # number of the first body's parent, from 0; −1 is the base
-    first: int
-    stop: int
+Branch = tuple[int, int, int]
+"""Parent of consecutive bodies (−1: the base), the first of them, and the stop; each is the parent of the next."""
 
 
 def spans_of(bodies: NDArray[np.void]) -> list[Branch]:
     """All branches of an arm, including the joints of its base; each branch comes after its parent's branch."""
     edges = [0, *np.flatnonzero(bodies["begins"]).tolist(), len(bodies)]
-    return [Branch(int(bodies["parent"][first]) - 1, first, stop) for first, stop in pairwise(edges)]
+    return [(int(bodies["parent"][first]) - 1, first, stop) for first, stop in pairwise(edges)]
 
 
 def sums_outward(spans: list[Branch], terms: Array) -> Array:
@@ -404,8 +400,8 @@ def of_parents(chain: Layout, values: Array, of_base: Array) -> Array:
 def branches_of(chain: Layout) -> list[list[int]]:
     """Numbers, from 1, of the bodies of every branch, each after its parent's branch; 0 is the fixed base."""
     base = base_body(chain)
-    spans = [span._replace(first=max(base, span.first)) for span in spans_of(chain.bodies) if span.stop > base]
-    return [[int(chain.bodies["parent"][first]), *range(first + 1, stop + 1)] for _, first, stop in spans]
+    spans = [(max(base, first), stop) for _, first, stop in spans_of(chain.bodies) if stop > base]
+    return [[int(chain.bodies["parent"][first]), *range(first + 1, stop + 1)] for first, stop in spans]
 
 
 def unslid(chain: Layout, rotations: Array, points: Array) -> Array:

@@ -168,8 +168,7 @@ def _same_frame(before: Scene, scene: Scene) -> bool:
     if not (same and before.motion is scene.motion):
         return False
     densities = (a.materials[name].density == b.materials[name].density for name in a.materials if name in b.materials)
-    held = situation(before) == situation(scene)
-    return held and a.materials.keys() == b.materials.keys() and all(densities)
+    return situation(before) == situation(scene) and a.materials.keys() == b.materials.keys() and all(densities)
 
 
 def _shared_frame(scene: Scene) -> Frame | None:

@@ -52,8 +52,7 @@ def negative_inertia(chain: Chain) -> str:
     for q in _postures(chain):
         k = _negative(chain, q)
         if k is not None:
-            position = chain.place_in_words(k, float(q[k]))
-            return f"joint {chain.joint_name(k)!r} has negative inertia at {position}"
+            return f"joint {chain.joint_name(k)!r} has negative inertia at {chain.place_in_words(k, float(q[k]))}"
     return ""
 
 

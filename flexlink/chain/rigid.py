@@ -88,9 +88,6 @@ def body_with(mass: float, center: Array, covariance: Array) -> SpatialInertia:
     return SpatialInertia(mass, center, np.trace(covariance) * np.eye(3) - covariance)
 
 
-# Fixed rotations between frames: roll-pitch-yaw, unit quaternions (w, x, y, z) and matrices.
-
-
 @functools.lru_cache(maxsize=256)
 def matrix_from_rpy_deg(rpy_deg: tuple[float, float, float]) -> Array:
     """R = Rz(yaw) Ry(pitch) Rx(roll), read-only, from angles in degrees; multiples of 90° give exact zeros and ones."""
@@ -168,8 +165,7 @@ def quaternion_from_matrix(R: Array) -> tuple[float, float, float, float]:
         y: (R[0, 2] - R[2, 0], R[0, 1] + R[1, 0], y, R[1, 2] + R[2, 1]),
         z: (R[1, 0] - R[0, 1], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1], z),
     }
-    largest = max(candidates)
-    q = np.array(candidates[largest], float)
+    q = np.array(candidates[max(candidates)], float)
     q = q / math.hypot(*q) * (1 if q[0] >= 0 else -1)
     return float(q[0]), float(q[1]), float(q[2]), float(q[3])
 

@@ -103,8 +103,7 @@ def _each(*calls: Callable[[], object]) -> Callable[[], None]:
 
 def _of_many_joints(scene: fl.Scene) -> None:
     """Call, with more than a hundred joints, the functions that then use O(n) algorithms."""
-    fine = scene.varied({f"link.{link.name}.segments": 121 for link in scene.arm.links if link.segments > 1})
-    chain = fl.lump(fine)
+    chain = fl.lump(scene.varied({f"link.{link.name}.segments": 121 for link in scene.arm.links if link.segments > 1}))
     fl.stable_step(chain, np.zeros(chain.n))
     for call in (functools.partial(fl.modes, count=3), fl.solve_static):
         with contextlib.suppress(fl.FlexlinkError):

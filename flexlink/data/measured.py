@@ -30,8 +30,7 @@ def read_measured(path: Path, known: Mapping[str, object], only: Sequence[str] =
 def read_together(paths: Sequence[Path], known: Mapping[str, object], only: Sequence[str] = ()) -> Measured:
     """Read several files of one record, each with its own times; columns are nan at the times of other files."""
     tables = [read_csv(path) for path in paths]
-    every = [head for table in tables for head in table.heads]
-    _require(", ".join(map(str, paths)), only, every)
+    _require(", ".join(map(str, paths)), only, [head for table in tables for head in table.heads])
     parts: dict[Path, Measured] = {}
     for path, heads, values in tables:
         own = [head for head in only if head in heads]

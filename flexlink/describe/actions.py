@@ -77,8 +77,7 @@ class PrescribedMotion(Spec, frozen=True):
         for name in self.keys:
             column = getattr(self, name)
             if column is None:
-                takes = f"a motion has times, {', '.join(self.keys)}; or a file with a cutoff"
-                raise missing(name, takes)
+                raise missing(name, f"a motion has times, {', '.join(self.keys)}; or a file with a cutoff")
             if len(column) != len(self.times):
                 text = f"{name} has {len(column)} values: expected one per time, {len(self.times)}"
                 raise SceneError(text, id="one-per-time")

@@ -174,8 +174,7 @@ class Drive(Spec, frozen=True):
         """Check the feedforward table of a pd or cascade drive."""
         given = [name for name in ("times", "torques", "file") if getattr(self, name) is not None]
         if self.file is None and len(given) == 1:
-            other = "torques" if self.times is not None else "times"
-            raise missing(other, "a feedforward table has times and torques")
+            raise missing("torques" if self.times is not None else "times", "a feedforward table has times and torques")
         if self.file is not None and len(given) > 1:
             raise both_given("file", self.file, given[0])
         if given and self.gravity != "none":

@@ -55,8 +55,7 @@ class Filter(Spec, frozen=True):
         if len(given) > 1:
             raise both_given(given[1], getattr(self, given[1]), given[0], "write two filters, one after the other")
         for key in ("order", "damping", "denominator"):
-            value = getattr(self, key)
-            if value is not None and key not in kinds[given[0]]:
+            if getattr(self, key) is not None and key not in kinds[given[0]]:
                 takes = f"a filter by {given[0]} takes {' and '.join(kinds[given[0]])}"
                 raise self._refused(key, takes, "key-of-another-kind")
         needed = {"notch": "damping", "numerator": "denominator"}.get(given[0])

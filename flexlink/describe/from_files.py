@@ -45,8 +45,7 @@ def filled_from_files(
         drive = filled["drive"] = drive_from_file(drive, arm, moved)
     if drive.reference is not None and drive.reference.file is not None:
         starts = arm.own(initial.joint_deg, initial.joint_m)
-        reference = reference_from_file(drive.reference, arm, moved, starts)
-        filled["drive"] = replace(drive, reference=reference)
+        filled["drive"] = replace(drive, reference=reference_from_file(drive.reference, arm, moved, starts))
     if wrench.file is not None:
         filled["wrench"] = wrench_from_file(wrench)
     return filled

@@ -17,8 +17,6 @@ from flexlink.describe.material import Damping, Friction
 from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, measured_in
 
-# Springs at the root of a link: compliance of the beam's attachment, such as a bearing, flange or screwed joint.
-
 
 class RootStiffness(Spec, frozen=True):
     """Springs at the beam's root, about axes of the link's frame; the root is rigid about axes without a number.

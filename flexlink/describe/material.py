@@ -202,9 +202,6 @@ class Friction(Spec, frozen=True):
     stiffer."""
 
 
-# Cross-section properties in closed form: one formula per shape, in metres.
-
-
 class SectionProperties(NamedTuple):
     """Properties of a cross section, with local y and z through the centroid.
 

@@ -59,9 +59,6 @@ def check_table(
             raise SceneError(f"{name}: {plural(len(rows), 'row')}, but {len(times)} times", id="one-per-time")
 
 
-# Whether a time, given as a decimal number, is an integer number of equal steps, up to rounding.
-
-
 def multiples(start: float, between: float, count: int) -> Array:
     """Return equally spaced times [s] from a start; if it is an integer multiple of the spacing, so are all others."""
     return (parts(start, between) + np.arange(count, dtype=np.float64)) * between

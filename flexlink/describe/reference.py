@@ -138,8 +138,7 @@ class Reference(Spec, frozen=True):
             return
         if self._is_given("acceleration_deg") and not self._is_given("rate_deg"):
             raise missing("rate_deg", "acceleration_deg needs it")
-        rows = {name: getattr(self, name) for name in _in_both(*OF_MOTION)}
-        check_table(self.times, rows, smooth=False, hold=False)
+        check_table(self.times, {name: getattr(self, name) for name in _in_both(*OF_MOTION)}, smooth=False, hold=False)
 
     @property
     def _takes(self) -> str:

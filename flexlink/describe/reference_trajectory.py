@@ -201,8 +201,7 @@ def side_by_side(courses: Sequence[ReferenceTrajectory]) -> ReferenceTrajectory:
 def common_knots(courses: Sequence[ReferenceTrajectory]) -> Array:
     """Merge the knots of trajectories: return the earliest first knot, then the later knots, each once."""
     later = np.unique(np.concatenate([course.knots[1:] for course in courses]))
-    first = min(course.knots[0] for course in courses)
-    return np.concatenate([[first], later[distinct(later)]])
+    return np.concatenate([[min(course.knots[0] for course in courses)], later[distinct(later)]])
 
 
 def distinct(knots: Array) -> NDArray[np.bool_]:

@@ -63,8 +63,7 @@ def wrong_lists(arm: Arm, initial: InitialState, drive: Drive) -> Iterator[Diagn
 
 def check_limits(arm: Arm, initial: InitialState, names: Mapping[str, str]) -> None:
     """Check that joints start within their limits."""
-    positions = arm.own(initial.joint_deg, initial.joint_m)
-    for k, (link, position) in enumerate(zip(arm.links, positions, strict=True)):
+    for k, (link, position) in enumerate(zip(arm.links, arm.own(initial.joint_deg, initial.joint_m), strict=True)):
         outside = outside_limits(link.name, link.joint, position)
         if outside and (initial.q is None or link.joint.locked):
             key = names["joint_m" if link.joint.slides else "joint_deg"].replace("joint_", "initial.joint_")

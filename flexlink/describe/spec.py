@@ -159,9 +159,7 @@ def to_builtin(value: object) -> object:
         return float(value) if isinstance(value, np.floating) else value.item()
     if type(value) in {list, tuple}:
         return type(value)(to_builtin(item) for item in value)  # type: ignore[attr-defined, call-arg]
-    if type(value) is dict:
-        return {to_builtin(key): to_builtin(item) for key, item in value.items()}
-    return value
+    return {to_builtin(key): to_builtin(item) for key, item in value.items()} if type(value) is dict else value
 
 
 def decode(raw: object, kind: type[T] | Any, path: str = "", *, finite: bool = False) -> T:
@@ -206,8 +204,7 @@ def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) 
     if absent := re.search(r"missing required field `(.*)`", reason):
         return _missing(f"{where}.{absent[1]}".lstrip("."))
     wanted = expected(str(where), kind, value, reason, units)
-    text = f"{where} = {truncated(value)}: {wanted}{why_not('', value)}".removeprefix(" = ")
-    return Diagnostic(text, "wrong-value")
+    return Diagnostic(f"{where} = {truncated(value)}: {wanted}{why_not('', value)}".removeprefix(" = "), "wrong-value")
 
 
 def check_keys(raw: Mapping[str, Any], allowed: Iterable[str], required: Iterable[str]) -> None:
@@ -333,9 +330,6 @@ def _flaw(value: object) -> tuple[Any, ...] | None:
         if (flaw := _flaw(item)) is not None:
             return key, *flaw
     return None
-
-
-# Collect all mistakes of a parsed file, one message each, after decoding has failed.
 
 
 def mistakes(raw: Any, kind: Any, path: str = "") -> list[Diagnostic]:

@@ -61,8 +61,7 @@ class Variants:
         values = list(others.values())
         if self._base is None or any(a is not b for a, b in zip(self._base[0], values, strict=True)):
             try:
-                scene = self.scene.varied(others) if others else self.scene
-                self._base = values, _base(scene, self.numbers)
+                self._base = values, _base(self.scene.varied(others) if others else self.scene, self.numbers)
             except FlexlinkError:
                 self._base = values, None
         return self._base[1]
@@ -161,9 +160,6 @@ def _numeric(kind: Any) -> bool:
     return bare in {float, int}
 
 
-# The same arm with more hinges in every link that bends.
-
-
 def refined(scene: Scene, factor: float) -> Scene:
     """Return the scene with `factor` times the hinges in every link that bends, rounded up as the link's rule allows.
 
@@ -174,8 +170,7 @@ def refined(scene: Scene, factor: float) -> Scene:
         if value is not None:
             text = f"initial.{name} = {truncated(value)}: fits only one number of hinges"
             raise SceneError(f"{text}; use initial.joint_deg, rate_deg and passive", id="hinge-state-with-advice")
-    links = tuple(_refined(link, factor) for link in scene.arm.links)
-    return replace(scene, arm=replace(scene.arm, links=links))
+    return replace(scene, arm=replace(scene.arm, links=tuple(_refined(link, factor) for link in scene.arm.links)))
 
 
 def _refined(link: Link, factor: float) -> Link:

@@ -114,9 +114,7 @@ def as_document(value: Any) -> Any:
     """Return a description as parsed TOML for reading only: variants share its parts, except dicts."""
     if isinstance(value, dict):
         return {key: as_document(item) for key, item in value.items()}
-    if isinstance(value, Spec | tuple):
-        return _kept_document(value)
-    return to_document(value)
+    return _kept_document(value) if isinstance(value, Spec | tuple) else to_document(value)
 
 
 _kept_document = keep_last(64)(to_document)  # a part of a scene as parsed TOML, cached

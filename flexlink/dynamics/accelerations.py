@@ -112,11 +112,9 @@ def base_without_rates(chain: Chain, q: ArrayLike) -> FlexlinkError | None:
     if not chain.has_free_base or np.cos(np.asarray(q)[PITCH]) ** 2 >= 4 * np.finfo(float).eps:
         return None
     pitch = f"{chain.joint_name(PITCH)} = {chain.place_in_words(PITCH, float(np.asarray(q)[PITCH]))}"
-    return SingularMassError(
-        f"mass matrix of {chain.name!r} is singular: at {pitch} the base's angles are in gimbal lock; set another "
-        "reference attitude, initial.base.rpy_deg, as simulations do automatically",
-        id="attitude-singular",
-    )
+    remedy = "set another reference attitude, initial.base.rpy_deg, as simulations do automatically"
+    why = f"mass matrix of {chain.name!r} is singular: at {pitch} the base's angles are in gimbal lock; {remedy}"
+    return SingularMassError(why, id="attitude-singular")
 
 
 def _no_acceleration(chain: Chain, *state: Any) -> FlexlinkError:
@@ -217,7 +215,6 @@ def _shaped_solver(chain: Chain) -> solvers.Solver:
     shapes = chain.shapes
 
     def workspace(arrays: ChainArrays) -> Any:
-        inverse = planar_workspace(*arrays) if chain.is_planar else rne_workspace(arrays)
-        return shaped_workspace(arrays, shapes, inverse)
+        return shaped_workspace(arrays, shapes, planar_workspace(*arrays) if chain.is_planar else rne_workspace(arrays))
 
     return solvers.Solver(workspace)

@@ -79,8 +79,7 @@ def energy(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Energy:
         return each(energy, chain, {"q": q, "qd": qd})
     n = require_type("chain", chain, Chain).n
     q, qd = vector("q", q, n, many=True), vector("qd", qd, n, many=True)
-    parts = np.array(energies(chain.arrays, q, qd))
-    found = Energy(*parts.tolist())
+    found = Energy(*np.array(energies(chain.arrays, q, qd)).tolist())
     if not math.isfinite(found.total):
         name = next((name for name, value in vars(found).items() if not math.isfinite(value)), "total")
         raise beyond_float64(f"the {name} energy", q=q, qd=qd, gravity=chain.gravity)

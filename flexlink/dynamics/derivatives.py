@@ -23,11 +23,7 @@ from flexlink.dynamics.result import Result
 from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.kernels.derivatives.forward_derivatives import forward_derivatives_workspace
 from flexlink.kernels.derivatives.inverse_derivatives import derivatives_workspace
-from flexlink.kernels.derivatives.of_states import (
-    derivatives,
-    forward_derivatives_of_many,
-    inverse_derivatives_of_many,
-)
+from flexlink.kernels.derivatives.of_states import derivatives, forward_derivatives_of_many, inverse_derivatives_of_many
 from flexlink.kernels.derivatives.planar_derivatives import planar_derivatives_of_many, planar_derivatives_workspace
 from flexlink.kernels.tools.address import bind
 
@@ -222,8 +218,7 @@ def _shaped_derivatives(chain: Chain, wrench: Array, q: Array, qd: Array, tau: A
     At constant q̈, −B (Bᵀ M B)⁻¹ Bᵀ times the derivatives of M q̈ + T_GC + T_FL + T_FR + T_DRAG.
     """
     free, given = (np.flatnonzero(chain.held == given) for given in (False, True))
-    qdd = forward_dynamics(chain, q, qd, tau, tip_wrench=wrench)
-    if not inverse_derivatives(chain)(wrench, q, qd, qdd, found):
+    if not inverse_derivatives(chain)(wrench, q, qd, forward_dynamics(chain, q, qd, tau, tip_wrench=wrench), found):
         return False
     by_q, by_qd, M = found.copy()
     width = chain.hinges["coulomb_width"]

@@ -182,16 +182,12 @@ def at_rest(equations: Equations, tolerance: float = 1e-9) -> tuple[Array, list[
     try:
         path = follow(equations, tolerance)
     except LostError as lost:
-        loose = np.intersect1d(chain.active, free)
-        hint = "; to hold free joints set locked=chain.active" if len(loose) else ""
+        hint = "; to hold free joints set locked=chain.active" if len(np.intersect1d(chain.active, free)) else ""
         left = np.abs(equations.value(np.append(1.0, lost.point[1:]))).max()
-        raise ConvergenceError(
-            f"solve_static: no equilibrium found; {lost.steps} steps from q reached {lost.part:.6g} of the load; "
-            f"under the full load {left:.3g} N m remain unbalanced{hint}",
-            q=equations.posture(lost.point),
-            load=lost.part,
-            id="no-equilibrium",
-        ) from None
+        reached = f"{lost.steps} steps from q reached {lost.part:.6g} of the load"
+        remain = f"under the full load {left:.3g} N m remain unbalanced{hint}"
+        why, last = f"solve_static: no equilibrium found; {reached}; {remain}", equations.posture(lost.point)
+        raise ConvergenceError(why, q=last, load=lost.part, id="no-equilibrium") from None
     posture = equations.posture(path[-1]).copy()
     if chain.shapes is None:  # rounded angles are no sum of shapes
         for i, decimals in known_decimals(chain, posture, free, rates, wrench):

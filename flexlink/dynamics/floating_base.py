@@ -86,8 +86,7 @@ class FloatingBase:
 
     def parts(self, first: int, stop: int, *scratch: Any) -> Iterator[slice]:
         """Yield slices of samples first … stop − 1 with equal reference attitude, after setting this attitude."""
-        ends = [row for row, _ in self.references[1:]] + [stop]
-        for (row, attitude), end in zip(self.references, ends, strict=True):
+        for (row, attitude), end in zip(self.references, [row for row, _ in self.references[1:]] + [stop], strict=True):
             part = slice(max(first, row), min(stop, end))
             if part.start < part.stop and attitude is self.attitude:  # already set
                 yield part

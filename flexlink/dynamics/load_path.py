@@ -62,8 +62,7 @@ class Equations:
         self.scales = np.append(1.0, rounding.scales(chain))  # units of x in the arc length
         self.begin()
         self.sprung = self.stiffness > 0
-        load = self.on(self.load(acting.q))
-        self.held = self.on(spring_torque(chain, acting.q)) + np.where(self.sprung, 0.0, load)
+        self.held = self.on(spring_torque(chain, acting.q)) + np.where(self.sprung, 0.0, self.on(self.load(acting.q)))
 
     def begin(self) -> None:
         """Choose the coordinates of the path and its start."""
@@ -105,8 +104,7 @@ class Equations:
     def prepare(self, q: Array, w: Array) -> None:
         """Factorize ∂F/∂q at angles q, with the part w of the loads on each coordinate."""
         self.motion.set_position(q)
-        stiffness = np.abs(linearised(self.chain, q).stiffness)
-        self.motion.eliminate(K_ALONE, w, stiffness + np.abs(w) * self.sizes)
+        self.motion.eliminate(K_ALONE, w, np.abs(linearised(self.chain, q).stiffness) + np.abs(w) * self.sizes)
 
     def solve(self, by_s: Array, row: Array, residual: Array, last: float, *, held: bool = False) -> Array:
         """Shortest solution (δs, δq) of F' δx = residual (n,) and row · δx = last, shape (1 + n,), or nan.
@@ -139,8 +137,7 @@ class Equations:
             sizes[sizes == 0] = 1.0
             if held:
                 small[:-1, 1:] += np.diag(np.sqrt(self.motion.rounding) * sizes[:-1])
-            right_sides = np.append(residual[skipped] - of_skipped[1], right)
-            found = shortest(small, right_sides, sizes, self.motion.rounding)
+            found = shortest(small, np.append(residual[skipped] - of_skipped[1], right), sizes, self.motion.rounding)
         else:
             with np.errstate(divide="ignore", invalid="ignore"):
                 found = right / along

@@ -63,11 +63,10 @@ def _width_of_friction(scene: Scene) -> Iterator[Diagnostic]:
         ]
         if paths:
             creep = f"a load of half the dry friction creeps at {1e3 * math.atanh(0.5) * width:.2g} {unit}"
-            yield Diagnostic(
-                f"{short_list([f'{path}.joint' for path in paths])}: coulomb_width = {1e3 * width:g} {unit}, the "
-                f"default: {creep}; for a tenth of it, set coulomb_width = {width / 10:g}",
-                "friction-width-not-given",
-            )
+            given = f"coulomb_width = {1e3 * width:g} {unit}, the default"
+            less = f"for a tenth of it, set coulomb_width = {width / 10:g}"
+            text = f"{short_list([f'{path}.joint' for path in paths])}: {given}: {creep}; {less}"
+            yield Diagnostic(text, "friction-width-not-given")
 
 
 def _unsaid_steps(scene: Scene) -> Iterator[Diagnostic]:
@@ -95,11 +94,9 @@ def _on_edge(scene: Scene) -> Iterator[Diagnostic]:
     for k, link in enumerate(scene.arm.links, 1):
         EI = scene.arm.bending_stiffness(link)
         if EI and link.flex == "z" and EI[1] >= flat * EI[0] and scene.arm.sections[link.section or ""].height:
-            yield Diagnostic(
-                f"{scene.arm.path(k)}.section = {link.section!r}: bends about z, its stiffer axis, EI = {EI[1]:.4g} "
-                f"N m², {EI[1] / EI[0]:.3g} × the other; to bend about the other, exchange height and width",
-                "bends-on-edge",
-            )
+            size = f"EI = {EI[1]:.4g} N m², {EI[1] / EI[0]:.3g} × the other"
+            text = f"{scene.arm.path(k)}.section = {link.section!r}: bends about z, its stiffer axis, {size}"
+            yield Diagnostic(f"{text}; to bend about the other, exchange height and width", "bends-on-edge")
 
 
 def _parallel_gravity(scene: Scene) -> Iterator[Diagnostic]:
@@ -273,11 +270,9 @@ def slack_springs(scene: Scene) -> Iterator[Diagnostic]:
     bent = q - deflections(chain, gravity_torque(chain, q))  # to first order
     drop = float(np.linalg.norm(tip_position(chain, bent) - tip_position(chain, q)))
     if drop > VISIBLE_DROP * chain.size:
-        yield Diagnostic(
-            f"initial.passive = 'zero', the default: the springs start slack while {fed} holds the joints, so the "
-            f"tip drops by about {1e3 * drop:.3g} mm at t = 0 and swings; set initial.passive = 'static'",
-            "springs-start-slack",
-        )
+        slack = f"initial.passive = 'zero', the default: the springs start slack while {fed} holds the joints"
+        drops = f"so the tip drops by about {1e3 * drop:.3g} mm at t = 0 and swings; set initial.passive = 'static'"
+        yield Diagnostic(f"{slack}, {drops}", "springs-start-slack")
 
 
 def unheld_joints(scene: Scene) -> Iterator[Diagnostic]:
@@ -294,11 +289,9 @@ def unheld_joints(scene: Scene) -> Iterator[Diagnostic]:
         if number not in moved and pulled > small[k] and not held:
             names.append(scene.arm.links[number - 1].name)
     if names:
-        yield Diagnostic(
-            f"drive.kind = {scene.drive.kind!r}: gravity moves {short_list(names)}, with no drive or friction; add a "
-            "torque, gains or friction there, or set joint.locked = true",
-            "joint-unheld",
-        )
+        remedy = "add a torque, gains or friction there, or set joint.locked = true"
+        why = f"drive.kind = {scene.drive.kind!r}: gravity moves {short_list(names)}, with no drive or friction"
+        yield Diagnostic(f"{why}; {remedy}", "joint-unheld")
 
 
 def weak_gains(scene: Scene) -> Iterator[Diagnostic]:
@@ -311,11 +304,9 @@ def weak_gains(scene: Scene) -> Iterator[Diagnostic]:
         gain = drive.kp[k - 1]
         if not chain.slides[joint] and 0 < gain < needed:
             weight = f"the weight, {needed:.3g} N m"
-            yield Diagnostic(
-                f"{scene.arm.path(k, 'drive.kp')} = {gain:g} N m/rad: {weight}, turns the joint by more than 1 rad; "
-                f"set drive.gravity = 'rigid', or a larger gain; if meant per degree, {math.degrees(gain):.4g}",
-                "weak-drive",
-            )
+            why = f"{scene.arm.path(k, 'drive.kp')} = {gain:g} N m/rad: {weight}, turns the joint by more than 1 rad"
+            remedy = f"set drive.gravity = 'rigid', or a larger gain; if meant per degree, {math.degrees(gain):.4g}"
+            yield Diagnostic(f"{why}; {remedy}", "weak-drive")
 
 
 def weak_drives(scene: Scene) -> Iterator[Diagnostic]:
@@ -329,11 +320,9 @@ def weak_drives(scene: Scene) -> Iterator[Diagnostic]:
         if limit < needed:
             # a limit below a twentieth of the holding torque suggests a wrong unit
             in_k = f", or if given in k{unit}, {1000 * limit:g} {unit}" if 20 * limit < needed <= 1000 * limit else ""
-            yield Diagnostic(
-                f"{scene.arm.path(number, 'drive.effort')} = {limit:g} {unit}: holding the initial configuration takes "
-                f"{needed:.3g} {unit}, so the joint gives way; give a larger limit{in_k}",
-                "weak-drive",
-            )
+            takes = f"holding the initial configuration takes {needed:.3g} {unit}, so the joint gives way"
+            text = f"{scene.arm.path(number, 'drive.effort')} = {limit:g} {unit}: {takes}; give a larger limit{in_k}"
+            yield Diagnostic(text, "weak-drive")
 
 
 def balance(scene: Scene) -> Iterator[Diagnostic]:

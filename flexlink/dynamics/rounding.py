@@ -228,9 +228,7 @@ def _largest_loads(chain: Chain, rates: bytes, acting: bytes) -> Array:
 
 def scales(chain: Chain) -> Array:
     """Unit of the change of each coordinate, shape (n,): 1 rad; for sliding joints the arm's length [m]."""
-    if not chain.slides.any():
-        return np.ones(chain.n)
-    return np.where(chain.slides, arm_length(chain.bodies), 1.0)
+    return np.ones(chain.n) if not chain.slides.any() else np.where(chain.slides, arm_length(chain.bodies), 1.0)
 
 
 def largest_load_stiffness(chain: Chain, qd: Array, wrench: Array) -> Array:

@@ -23,22 +23,18 @@ def no_acceleration(chain: Chain, solver: Solver, wrench: Array, q: Array, qd: A
     """
     rest = np.zeros(chain.n)
     if np.isfinite(solver.accelerations(chain.arrays, np.zeros(6), q, rest, rest)).all():
-        return ArgumentError(
-            f"q̈ of {chain.name!r} overflows float64: qd up to {np.abs(qd).max():.3g} rad/s, tau up to "
-            f"{np.abs(tau).max():.3g} N m, tip_wrench up to {np.abs(wrench).max():.3g}; use smaller values",
-            id="overflow",
-        )
+        most = f"qd up to {np.abs(qd).max():.3g} rad/s, tau up to {np.abs(tau).max():.3g} N m"
+        why = f"{most}, tip_wrench up to {np.abs(wrench).max():.3g}; use smaller values"
+        return ArgumentError(f"q̈ of {chain.name!r} overflows float64: {why}", id="overflow")
     k = idle_joint(chain, q)
     point = next(body for body in chain.bodies if body["first"] <= k < body["stop"])
     there = range(int(point["first"]), int(point["stop"]))
     angles = ", ".join(f"{chain.joint_name(j)} = {chain.place_in_words(j, float(q[j]))}" for j in there)
     others = ARTICULATED.accelerations(chain.arrays, wrench, q, qd, tau)
     way_out = "use solver 'articulated', which does not need M" if np.isfinite(others).all() else "give it an armature"
-    return SingularMassError(
-        f"mass matrix of {chain.name!r} is singular: joint {chain.joint_name(k)!r} has no inertia attached "
-        f"at {angles}; {way_out}, or choose another configuration",
-        id="joint-without-inertia",
-    )
+    joint = f"joint {chain.joint_name(k)!r} has no inertia attached at {angles}"
+    why = f"mass matrix of {chain.name!r} is singular: {joint}; {way_out}, or choose another configuration"
+    return SingularMassError(why, id="joint-without-inertia")
 
 
 def idle_joint(chain: Chain, q: Array) -> int:
@@ -78,8 +74,7 @@ def factored_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> tuple[Array
 
 def idle_error(chain: Chain, k: int) -> SingularMassError:
     """Return the error for a coordinate without inertia."""
-    return SingularMassError(
-        f"{chain.name}: joint {chain.joint_name(k)!r} has no inertia attached in this configuration, or its inertia "
-        "overflows float64; give a body beyond it mass (section and material, hub, end or tip), or the joint armature",
-        id="joint-without-inertia",
-    )
+    why = "has no inertia attached in this configuration, or its inertia overflows float64"
+    remedy = "give a body beyond it mass (section and material, hub, end or tip), or the joint armature"
+    text = f"{chain.name}: joint {chain.joint_name(k)!r} {why}; {remedy}"
+    return SingularMassError(text, id="joint-without-inertia")

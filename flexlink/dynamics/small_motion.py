@@ -30,11 +30,8 @@ class SmallMotion:
         self, chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool, free: NDArray[np.intp]
     ) -> None:
         if qd.any() and (others := ", ".join(name for name in chain.forces if name not in POTENTIALS)):
-            raise ArgumentError(
-                f"{chain.name}: equilibria at given rates, and steady motions of more than 100 joints, do not support "
-                f"{others}; leave them out",
-                id="arguments-not-counted",
-            )
+            why = "equilibria at given rates, and steady motions of more than 100 joints, do not support"
+            raise ArgumentError(f"{chain.name}: {why} {others}; leave them out", id="arguments-not-counted")
         sprung = about(chain, q)
         self._diagonals = np.array([sprung.stiffness, damping_slope(chain), chain.hinges["armature"]])
         self._chain, self._state, self._couplings = chain, (wrench, follower, qd), sprung.couplings

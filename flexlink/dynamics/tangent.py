@@ -64,19 +64,13 @@ def unlocked(chain: Chain, locked: Joints) -> NDArray[np.intp]:
     """Sequential indices of the free coordinates, at least one: those that are not `locked`, held or internal."""
     moves, held = ~chain.held, chain.joint_indices("locked", locked)
     if chain.shapes is not None and len(together := np.intersect1d(held, shaped_hinges(chain))):
-        raise ArgumentError(
-            f"locked: hinge {chain.joint_name(int(together[0]))!r} moves by the shapes of its link; lock "
-            "joints, or set the link rigid",
-            id="locked-shape",
-        )
+        why = f"locked: hinge {chain.joint_name(int(together[0]))!r} moves by the shapes of its link"
+        raise ArgumentError(f"{why}; lock joints, or set the link rigid", id="locked-shape")
     moves[held] = moves[chain.internal] = False
     free = np.flatnonzero(moves)
     if not len(free):
-        raise ArgumentError(
-            f"locked = {truncated(locked)}: no joint is free to move (prescribed joints are not free either); lock "
-            "fewer joints",
-            id="nothing-to-move",
-        )
+        why = "no joint is free to move (prescribed joints are not free either); lock fewer joints"
+        raise ArgumentError(f"locked = {truncated(locked)}: {why}", id="nothing-to-move")
     return free
 
 
@@ -118,8 +112,7 @@ def tangent(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool, fr
     S[S == 0] = 1.0  # zero rows
     scale = rounding.scales(chain)[first_joints(chain, free)]
     left, moment = np.abs(K - K.T) * np.outer(scale, scale), sums_of_squares(load, chain, free) * scale**2
-    conservative = bool((left <= entry * np.add.outer(moment, moment)).all())
-    return Stiffness(K, S, conservative, len(free) * entry)
+    return Stiffness(K, S, bool((left <= entry * np.add.outer(moment, moment)).all()), len(free) * entry)
 
 
 def falls(chain: Chain, state: LoadedState, motion: SmallMotion | None = None) -> bool:
@@ -141,9 +134,7 @@ def falls(chain: Chain, state: LoadedState, motion: SmallMotion | None = None) -
     if potential:
         return motion.falling(K_ALONE, motion.rounding * square) > 0
     least = _least_eigenvalue(motion, np.sqrt(square), free)
-    if np.isnan(least):
-        return tangent(chain, *state).falls
-    return least < -motion.rounding
+    return tangent(chain, *state).falls if np.isnan(least) else least < -motion.rounding
 
 
 def _least_eigenvalue(motion: SmallMotion, S: Array, free: NDArray[np.intp]) -> float:

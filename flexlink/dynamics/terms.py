@@ -300,8 +300,7 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> 
         return each(mass_matrix, chain, {"q": q}, algorithm=algorithm)
     q = vector("q", q, n, many=True)
     M = np.zeros((n, n))
-    trace = kernel(chain.arrays, q, M)
-    if not math.isfinite(trace):
+    if not math.isfinite(kernel(chain.arrays, q, M)):
         why = f"the mass matrix of {chain.name!r} overflows float64; use smaller masses and lengths"
         raise ArgumentError(why, id="overflow")
     return M

@@ -68,8 +68,7 @@ class Tip(NamedTuple):
 def tips(chain: Chain) -> list[Tip]:
     """Return the tip frames in the order of the bodies; the arm's tip is last."""
     parents, found = _parent_hinges(chain), []
-    names = xml_link_names(chain)[chain.n + 1 :]
-    for name, (link, number) in zip(names, chain.tips.items(), strict=True):
+    for name, (link, number) in zip(xml_link_names(chain)[chain.n + 1 :], chain.tips.items(), strict=True):
         body = chain.bodies[number]
         place = body["translation"], body["rotation"]
         found.append(Tip(name, chain.link_names.index(link) + 1, parents[number], *place))
@@ -102,8 +101,7 @@ def tree_attributes(chain: Chain) -> dict[str, str]:
 
 def _parent_hinges(chain: Chain) -> list[int]:
     """Return for every body the last hinge of its parent body, −1 for the base."""
-    stops = np.append(0, chain.bodies["stop"])
-    return [int(stop) - 1 for stop in stops[chain.bodies["parent"]]]
+    return [int(stop) - 1 for stop in np.append(0, chain.bodies["stop"])[chain.bodies["parent"]]]
 
 
 def custom_values(chain: Chain, k: int, standard: Iterable[str]) -> dict[str, str]:

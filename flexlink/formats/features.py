@@ -26,8 +26,7 @@ def _starts_elsewhere(scene: Scene, chain: Chain) -> bool:
     initial, free = scene.initial, [chain.coordinates[k].link - 1 for k in chain.active]
     places = scene.joint_positions[free] if initial.q is None else np.array(initial.q)
     rates = scene.joint_rates[free] if initial.qd is None else np.array(initial.qd)
-    elsewhere = places.any() or rates.any() or initial.base != BaseState()
-    return bool(elsewhere) or initial.passive != "zero"
+    return bool(places.any() or rates.any() or initial.base != BaseState()) or initial.passive != "zero"
 
 
 def _features() -> dict[str, Feature]:
@@ -110,8 +109,7 @@ def storage_note(target: Path, missing: Mapping[str, str], *, format: str) -> Di
     for name, instead in missing.items():
         if name != "drive torques" or "control law" not in missing:
             groups.setdefault(instead, []).append(name)
-    parts = [f"{_and(features)}: {instead}" for instead, features in groups.items()]
-    sentences = ". It cannot store the ".join(parts)
+    sentences = ". It cannot store the ".join([f"{_and(features)}: {instead}" for instead, features in groups.items()])
     return Diagnostic(f"{shown_path(target)}: {format.upper()} cannot store the {sentences}", "format-cannot-store")
 
 

@@ -252,8 +252,7 @@ def chain_of(
         raise root.error("two joints have the same coordinate")
     half = BASE_JOINTS // 2
     moved = Body(Pose(attitude, np.zeros(3)), half, 2 * half, 1, _rigid(body))
-    of_base = [Body(HERE, 0, half), moved] if floats else []
-    bodies, tips = _bodies(ends, hinges, of_base)
+    bodies, tips = _bodies(ends, hinges, [Body(HERE, 0, half), moved] if floats else [])
     if len(links) not in tips:
         raise root.error("the tip frame of the arm is missing: not a file written by flexlink")
     records = recorded(bodies)

@@ -123,8 +123,7 @@ def _values(parent: ET.Element, values: Mapping[str, str]) -> None:
 
 def _pose(parent: ET.Element, translation: Array, rotation: Array, attributes: Mapping[str, str]) -> None:
     own = {f"flexlink:{name}": value for name, value in document.exact_rotation(rotation).items()}
-    pose = ET.SubElement(parent, "pose", {**attributes, **own})
-    pose.text = decimals([*translation, *rpy_from_matrix(rotation)])
+    ET.SubElement(parent, "pose", {**attributes, **own}).text = decimals([*translation, *rpy_from_matrix(rotation)])
 
 
 def _contents(link: ET.Element, body: np.void, shown: list[Capsule]) -> None:
@@ -143,8 +142,7 @@ def _contents(link: ET.Element, body: np.void, shown: list[Capsule]) -> None:
 def _joint(model: ET.Element, chain: Chain, k: int, name: str, ends: tuple[str, str]) -> None:
     hinge = chain.hinges[k]
     own = {f"flexlink:{key}": value for key, value in document.custom_values(chain, k, STANDARD_FIELDS).items()}
-    kind = chain.joint_kinds[k].name
-    joint = ET.SubElement(model, "joint", {"name": name, "type": kind, **own})
+    joint = ET.SubElement(model, "joint", {"name": name, "type": chain.joint_kinds[k].name, **own})
     _values(joint, dict(zip(("parent", "child"), ends, strict=True)))
     axis = ET.SubElement(joint, "axis")
     _values(axis, {"xyz": document.axis_text(hinge)})
@@ -179,8 +177,7 @@ def _chain(sdf: Node) -> Chain:
     ]  # fmt: skip
     mass = _read_body(floating[0].one("inertial")) if floating else None
     gravity = sdf.one("world").one("gravity").numbers(3)
-    coupled = model.all(f"frame/{OWN}coupling")
-    return reading.chain_of(model, model, OWN, gravity, links, hinges, ends, mass, coupled)
+    return reading.chain_of(model, model, OWN, gravity, links, hinges, ends, mass, model.all(f"frame/{OWN}coupling"))
 
 
 def _text(element: Node, path: str) -> str:

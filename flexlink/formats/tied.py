@@ -102,8 +102,7 @@ def _on_points(
         refuse_ties([tie], "MJCF has no oil")
     if tie.kind == "point" and tie.damping:
         refuse_ties([tie], f"MJCF has no damper in all directions, damping = {tie.damping!r}")
-    starts = range(0, 1 if tie.kind == "weld" else len(rows), 3)
-    pairs = [_sites(root, bodies, tie, rows[k::3]) for k in starts]
+    pairs = [_sites(root, bodies, tie, rows[k::3]) for k in range(0, 1 if tie.kind == "weld" else len(rows), 3)]
     if tie.stiffness is None and tie.kind != "distance":
         for one, other in pairs:
             _new(root, "equality", "weld" if tie.kind == "weld" else "connect", tie.name, site1=one, site2=other)

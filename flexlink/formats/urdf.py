@@ -201,8 +201,7 @@ def _read_hinge(joint: Node, bodies: Mapping[str, Node], links: Sequence[str], b
     numbers |= {"lower": -np.inf if lower == least else lower, "upper": np.inf if upper == most else upper}
     numbers["axis"] = axis.unit_axis(axis.numbers(3, "xyz"), joint.attribute("type"))
     place = reading.coordinate(own, own.numbers(3, "coordinate"), links)
-    parent = _parent(joint, behind)
-    return Hinge(joint, parent, *_read_place(joint), numbers, place, _read_body(bodies[child]))
+    return Hinge(joint, _parent(joint, behind), *_read_place(joint), numbers, place, _read_body(bodies[child]))
 
 
 def _read_body(link: Node) -> Mass | None:

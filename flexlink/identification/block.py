@@ -204,8 +204,7 @@ def noise_in(block: Block) -> float | None:
     """Standard deviation of unstated white noise, from a column's longest even part; None if not well determined."""
     if block.stated or block.t is None:
         return None
-    longest = max(even_parts(block.t, UNEVEN), key=lambda part: part.stop - part.start)
-    y = block.y[longest]
+    y = block.y[max(even_parts(block.t, UNEVEN), key=lambda part: part.stop - part.start)]
     n, good = np.arange(len(y)), ~_spikes(y)
     return white_noise(np.interp(n, n[good], y[good]) if good.any() else y)  # outliers are replaced between neighbours
 
@@ -242,8 +241,7 @@ def white_noise(y: Array) -> float | None:
 
 def outliers_in(t: Array, y: Array, predicted: Array) -> npt.NDArray[np.bool_]:
     """Whether each sample at times t, (n,), is far from its neighbours, none across a gap, in data and residual."""
-    parts = even_parts(t, GAP)
-    return np.concatenate([_spikes(y[part]) & _spikes((y - predicted)[part]) for part in parts])
+    return np.concatenate([_spikes(y[part]) & _spikes((y - predicted)[part]) for part in even_parts(t, GAP)])
 
 
 def _spikes(y: Array) -> npt.NDArray[np.bool_]:

@@ -295,9 +295,6 @@ class Bench:
                     raise ArgumentError(f"it sets {path}, but {sought} is sought", id="parameter-set")
 
 
-# Apply experiments to a scene: sensors on its links, and changed values for another motion; columns of its files.
-
-
 def sensors_on(experiment: kinds.ColumnExperiment, scene: Scene, others: list[Sensor]) -> list[Sensor]:
     """The sensor of an experiment on every link and at every place that takes it; they are appended to `others`."""
     found = []

@@ -124,8 +124,7 @@ def linear_models(
     no mode.
     """
     runs = [*fitted, *checks]
-    chains = [lump(scene) for _, scene in runs]
-    if not fitted or not all(chain.held[chain.active].all() for chain in chains):
+    if not fitted or not all(chain.held[chain.active].all() for chain in [lump(scene) for _, scene in runs]):
         return {}
     try:
         λ = _modes(fitted[0][1], min(source.rate for source, _ in fitted))
@@ -194,8 +193,7 @@ def _shapes(λ: Array, times: Array, driven: tuple[Array, Array]) -> tuple[Array
         for column in u.T:
             z = scipy.signal.lfilter([last, first], [1.0, -E], column.astype(complex))
             forced += [z.real, z.imag]
-    of_inputs = np.array(forced).T if forced else np.empty((len(t), 0))
-    return free_motion, at_times(t, of_inputs, times)
+    return free_motion, at_times(t, np.array(forced).T if forced else np.empty((len(t), 0)), times)
 
 
 def _stacked(

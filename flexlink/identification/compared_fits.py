@@ -137,8 +137,7 @@ class FitComparison:
         ]  # fmt: skip
         heads = ("model", "unknowns", "BIC", "above the smallest", "fitted: residual / noise",
                  "held out: residual / noise", "passed")  # fmt: skip
-        models = Table("models", "Models of the same data", heads, tuple(rows))
-        return models, self._numbers(), self._columns()
+        return Table("models", "Models of the same data", heads, tuple(rows)), self._numbers(), self._columns()
 
     def _numbers(self) -> Table:
         heads = ("model", "parameter", "unit", "fitted", "from", "to", "standard deviation", "from folds")

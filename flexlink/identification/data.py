@@ -223,9 +223,6 @@ def at_times(t: Array, samples: Array, times: Array) -> Array:
     return np.asarray(scipy.interpolate.CubicSpline(t, samples)(np.clip(times, t[0], t[-1])))
 
 
-# Single measurements and responses at rest.
-
-
 def tapped(problem: FitProblem, part: FitModes, number: int) -> Source:
     """Source of measured natural frequencies and damping ratios."""
     name = f"modes {number}"
@@ -238,8 +235,7 @@ def tapped(problem: FitProblem, part: FitModes, number: int) -> Source:
 
     def of(scene: Scene) -> list[Array]:
         chain, rest, load = at_rest(scene)
-        held = chain.active.tolist() if part.locked is None else list(part.locked)
-        found = modes(chain, rest.q, **load, locked=held)
+        found = modes(chain, rest.q, **load, locked=chain.active.tolist() if part.locked is None else list(part.locked))
         elastic = np.flatnonzero(np.array(found.kinds) == "elastic")
         if len(elastic) <= indices.max():
             text = f"mode {indices.max() + 1} was measured; the model has only {len(elastic)} elastic modes"

@@ -90,8 +90,7 @@ def _shown(source: Source, row: Row) -> Shown:
     wide = between > (1 + GAP) * usual
     other = ~wide & (np.abs(between - usual) > UNEVEN * usual)
     gaps = np.column_stack([t[:-1][wide], t[1:][wide]])
-    outliers = np.flatnonzero(outliers_in(t, block.y, predicted))
-    return Shown(source, block, predicted, gaps, t[1:][other], outliers)
+    return Shown(source, block, predicted, gaps, t[1:][other], np.flatnonzero(outliers_in(t, block.y, predicted)))
 
 
 def _data(shown: Sequence[Shown], single: Sequence[tuple[Source, list[Row]]]) -> Part:
@@ -233,8 +232,7 @@ def _spectrum_picture(number: int, shown: Sequence[Shown], hertz: Sequence[float
         panel.set_ylabel(one.block.name)
         panel.set_title(f"{one.source.name} ({one.source.use})", loc="left")
     caption = "Amplitudes of measured and predicted columns, Hann window; dashed: modes at the initial guess."
-    title = f"Spectra, {shown[0].source.name}"
-    return picture_of(f"spectra_{number}", title, caption, axes, "frequency [Hz]", columns)
+    return picture_of(f"spectra_{number}", f"Spectra, {shown[0].source.name}", caption, axes, "frequency [Hz]", columns)
 
 
 def amplitudes(t: Array, y: Array) -> tuple[Array, Array]:
@@ -257,9 +255,6 @@ def _modes(scene: Scene) -> list[tuple[float, float]]:
         return []
     elastic = np.flatnonzero(np.array(found.kinds) == "elastic")[:most]
     return [(float(found.hertz[k]), float(found.damping_ratios[k])) for k in elastic]
-
-
-# Measured and predicted frequency responses, of checks and of fits.
 
 
 class Compared(NamedTuple):

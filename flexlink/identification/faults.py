@@ -69,8 +69,7 @@ class Fault(NamedTuple):
 def faults(search: Search, found: Found) -> list[Fault]:
     """Faults that the residuals show at a solution, the most significant first, with their estimated sizes."""
     most = 3  # largest number of faults that are named
-    plain = [[white(block) for block in part] for part in found.blocks]
-    whole = search.at(found.x, plain)
+    whole = search.at(found.x, [[white(block) for block in part] for part in found.blocks])
     parts = zip(whole.sources, whole.rows, whole.jacobians, strict=True)
     runs = [pair for source, *of_source in parts if source.is_run for pair in zip(*of_source, strict=True)]
     if not runs:
@@ -187,8 +186,7 @@ def _candidates(at: Likelihood) -> Iterator[Fault]:
             around = here.start, count - here.stop
             late[:, here] = _secants(t, values, [(d, t - d) for d in LATE]) * row.gain / block.σ
             rate[:, here] = _secants(t, values, [(c, begin + (t - begin) / (1 + c)) for c in FAST]) * row.gain / block.σ
-            of_value = {"bias": np.ones(len(t)), "gain": row.gain * values, "drift": t - t.mean()}
-            for kind, effect in of_value.items():
+            for kind, effect in {"bias": np.ones(len(t)), "gain": row.gain * values, "drift": t - t.mean()}.items():
                 if not getattr(block, kind):
                     yield Fault(kind, source.name, block.name, block.unit, np.pad(effect / block.σ, around))
             if ("delay", source.name, head_of(block.name)[0]) not in known:

@@ -60,8 +60,7 @@ class Response(NamedTuple):
 def predicted(scene: Scene, input: str, output: str, hertz: Array) -> Complex:
     """Response of an output to an input, at rest with the driven joints held at their angles, shape (k,)."""
     model = _model(scene, output)
-    H = model.frequency_response(hertz)
-    return np.asarray(H[:, model.outputs.index(output), model.inputs.index(input)])
+    return np.asarray(model.frequency_response(hertz)[:, model.outputs.index(output), model.inputs.index(input)])
 
 
 def _model(scene: Scene, output: str) -> LinearModel:
@@ -149,9 +148,6 @@ def _deviation(where: str, part: FitFrf, γ2: Array) -> Array:
         text = f"coherence {given}: expected numbers > 0 and <= 1; or remove averages and give deviation"
         raise DataFileError(f"{where}: {text}", id="coherence-range")
     return np.maximum(np.sqrt((1 - γ2) / (2 * part.averages * γ2)), LEAST)
-
-
-# The state about which an arm is linear: its static equilibrium with the driven joints held.
 
 
 def at_rest(scene: Scene) -> tuple[Chain, Equilibrium, dict[str, Any]]:

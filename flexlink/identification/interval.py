@@ -303,6 +303,5 @@ def widened(rise: Rise, numbers: Sequence[Estimate]) -> list[Estimate]:
         end = None if low <= one.start <= high else rise.beyond_start(k, one)
         if end is not None:
             low, high = min(low, end), max(high, end)
-        wider = (low, high) != (one.low, one.high)
-        found.append(dataclasses.replace(one, low=low, high=high, widened=wider))
+        found.append(dataclasses.replace(one, low=low, high=high, widened=(low, high) != (one.low, one.high)))
     return found

@@ -79,9 +79,7 @@ def _solved(Φ: Array, target: Array) -> Array:
 
 def white(block: Block) -> Block:
     """The block, with its noise replaced by white noise of the same standard deviation."""
-    if block.colour is None:
-        return block
-    return dataclasses.replace(block, σ=block.σ / block.colour.share, colour=None)
+    return block if block.colour is None else dataclasses.replace(block, σ=block.σ / block.colour.share, colour=None)
 
 
 class Likelihood(NamedTuple):
@@ -202,9 +200,6 @@ LOSSES: dict[Loss, LossFunction] = {
     ),
 }
 """Loss functions by name, as `scipy.optimize.least_squares` defines them for a scale of 1."""
-
-
-# Information of data about the parameters: Jacobians over the noise, of the present data and of experiments.
 
 
 class Information(NamedTuple):

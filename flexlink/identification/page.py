@@ -83,8 +83,7 @@ def _written(
     chapters = [
         written(Chapter(id, title, short), part, folder, definitions) for id, (title, short, part) in parts.items()
     ]
-    page = write_page(folder, name, "fit", chapters, verdicts, facts, definitions)
-    return Report(page, tuple(verdicts), chapters)
+    return Report(write_page(folder, name, "fit", chapters, verdicts, facts, definitions), tuple(verdicts), chapters)
 
 
 def _with_interval(one: Estimate) -> str:
@@ -208,15 +207,13 @@ def _data(fitted: Fitted) -> Part:
         tables.append(Table("single", "Single measurements", ("measurement", "measured", "before", "fitted"), single))
     responses = compared(fitted)
     tables += [response_table(responses)] if responses else []
-    shown = (*_beside(fitted), *map(response_picture, responses))
-    return Part(sentences, pictures=shown, tables=tuple(tables))
+    return Part(sentences, pictures=(*_beside(fitted), *map(response_picture, responses)), tables=tuple(tables))
 
 
 def _drawn(fitted: Fitted) -> list[FittedColumn]:
     """Columns to draw: first fitted columns, then columns of check runs."""
     most = 4  # largest number of panels
-    runs = (one for one in fitted.columns if one.t is not None)
-    return sorted(runs, key=lambda one: one.use == "check")[:most]
+    return sorted((one for one in fitted.columns if one.t is not None), key=lambda one: one.use == "check")[:most]
 
 
 def _beside(fitted: Fitted) -> tuple[Picture, ...]:

@@ -332,8 +332,7 @@ class FitProblem(Spec, frozen=True):
                 if isinstance(raw.get(part), list):
                     raw[part] = documents.with_absolute_paths(path.parent, [_as_paths(table) for table in raw[part]])
             raise_together(wrong for key, value in raw.items() for wrong in mistakes(value, fields[key].type, key))
-            parts = {key: decode(value, fields[key].type, key) for key, value in raw.items()}
-            return cls(scene=scene, **parts)
+            return cls(scene=scene, **{key: decode(value, fields[key].type, key) for key, value in raw.items()})
 
 
 def _as_paths(table: Any) -> Any:

@@ -45,9 +45,7 @@ class Change(NamedTuple):
         """Half-width of the 95 % interval in words."""
         if not math.isfinite(σ):
             return "not identifiable"
-        if self.log:
-            return f"± {100 * WIDE * σ:.2g} %"
-        return f"± {WIDE * σ * self.size:.2g} {self.unit}".rstrip()
+        return f"± {100 * WIDE * σ:.2g} %" if self.log else f"± {WIDE * σ * self.size:.2g} {self.unit}".rstrip()
 
     def bound(self, σ: float) -> float | None:
         """Half-width of the 95 % interval: a fraction of the value, or in its unit."""

@@ -165,9 +165,6 @@ def _of_estimates(numbers: Sequence[Estimate], coordinates: Sequence[Coordinate]
     return found
 
 
-# Explain why a parameter has no effect on the data: the columns that it affects instead, or the axis it acts about.
-
-
 def with_reasons(signals: Signals, x: Array, directions: Sequence[Direction]) -> tuple[Direction, ...]:
     """The same directions, with a reason for each single parameter that is not identifiable."""
     number = {one.name: k for k, one in enumerate(signals.coordinates)}

@@ -55,8 +55,7 @@ class Signals:
 
     def model(self, x: Array) -> Model:
         """Predictions at one point."""
-        known = self._points.get(x.tobytes())
-        return (known or self._kept(x, slopes=self._beside))[0]
+        return (self._points.get(x.tobytes()) or self._kept(x, slopes=self._beside))[0]
 
     def ahead(self, points: Sequence[Array]) -> None:
         """Compute the predictions at several points in parallel, and cache the successful ones."""
@@ -88,8 +87,7 @@ class Signals:
 
     def around(self, x: Array, places: Places, step: float = STEP) -> list[Array]:
         """The point, followed by the neighbouring points for finite differences."""
-        every = range(len(x))
-        return [x, *(moved(x, k, step * at) for k in every for at in self._places(k, x, places, step))]
+        return [x, *(moved(x, k, step * at) for k in range(len(x)) for at in self._places(k, x, places, step))]
 
     def _of_source(self, number: int, x: Array, places: Places | None, step: float) -> tuple[list[Array], list[Array]]:
         """Predictions of one source at a point, and their Jacobian, computed in one batch."""
@@ -141,8 +139,7 @@ class Signals:
         if isinstance(end, InterruptedRunError):
             raise end
         if isinstance(end, Trajectory):
-            timing = [(self.coordinates[k], float(x[k])) for k in self._timing[number]]
-            return self.sources[number].model(end, timing)
+            return self.sources[number].model(end, [(self.coordinates[k], float(x[k])) for k in self._timing[number]])
         assert isinstance(end, FlexlinkError)
         return end
 

@@ -161,8 +161,7 @@ def start_points(coordinates: Sequence[Coordinate], count: int) -> list[Array]:
     low, high = np.array([_around(one) for one in coordinates]).T
     if count < 2:
         return [guess]
-    points = scipy.stats.qmc.LatinHypercube(len(guess), seed=0).random(count - 1)
-    return [guess, *(low + (high - low) * points)]
+    return [guess, *(low + (high - low) * scipy.stats.qmc.LatinHypercube(len(guess), seed=0).random(count - 1))]
 
 
 def _around(one: Coordinate) -> tuple[float, float]:
@@ -187,9 +186,6 @@ def _with(row: Row, loss: Loss, *, coloured: bool) -> Block:
         return dataclasses.replace(block, σ=σ)
     colour = colour_of(e)
     return dataclasses.replace(block, σ=σ * colour.share, colour=colour)
-
-
-# Show the progress of a fit: its parts (initial guesses, ends of profiles) and the iterations of the current part.
 
 
 Bar = Callable[[float, str], None]

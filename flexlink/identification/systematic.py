@@ -146,9 +146,6 @@ def _unknown(error: FlexlinkError) -> Diagnostic:
     return Diagnostic(f"grid error not estimated: with twice the hinges, {error}", "grid-error-unknown")
 
 
-# Recorded motions.
-
-
 VERSIONS = 6  # number of versions of the recorded angles with added noise
 
 
@@ -252,9 +249,6 @@ def gauss_newton(search: Search, best: Found, sources: Sequence[Source]) -> Arra
     """Gauss-Newton step from the solution with these sources, shape (coordinates,)."""
     at = Search(Signals(sources, search.coordinates), search.loss).at(best.x, best.blocks)
     return np.asarray(-np.linalg.lstsq(at.slopes, at.residual, rcond=None)[0])
-
-
-# All of them together.
 
 
 class Systematic(NamedTuple):
@@ -375,5 +369,4 @@ def _neighbour(scene: Scene, sensor: Sensor) -> tuple[float, float]:
     b = np.concatenate([[0.0], np.cumsum(weights)])
     i = int(np.searchsorted(ends, s, side="right")) - 1
     other = i + 1 if (s > b[i] and i + 1 < len(b)) or i == 0 else i - 1
-    share = abs(s - b[i]) / abs(b[other] - b[i])
-    return float((ends[other] + ends[other + 1]) / 2 * link.beam.length), float(share)
+    return float((ends[other] + ends[other + 1]) / 2 * link.beam.length), float(abs(s - b[i]) / abs(b[other] - b[i]))

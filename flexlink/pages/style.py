@@ -47,8 +47,7 @@ RC: dict[str, Any] = {
 def stacked_axes(rows: int, height: float, share: bool = True) -> tuple[Figure, list[Axes]]:
     """Return a figure of `rows` panels, one above another, each `height` inches tall."""
     figure = Figure(figsize=(WIDTH, rows * height), layout="constrained")
-    axes = figure.subplots(rows, 1, sharex=share, squeeze=False)
-    return figure, list(axes[:, 0])
+    return figure, list(figure.subplots(rows, 1, sharex=share, squeeze=False)[:, 0])
 
 
 def _steps(low: float, high: float) -> tuple[float, ...]:

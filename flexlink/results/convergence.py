@@ -59,9 +59,6 @@ def observed_order(levels: Sequence[Level]) -> float:
     return math.log(before / last) / math.log(Nb / Na)
 
 
-# Modes that the hinges of a chain resolve: these have two or more hinges per half-wave of curvature.
-
-
 HINGES_A_HALF_WAVE = 2.0
 
 

@@ -265,8 +265,7 @@ def check_chain(chain: Chain) -> None:
     """Refuse a chain with numbers that are not finite, or with parts that do not belong together, as ValueError."""
     unlimited = {"lower", "upper"}  # fields that may be infinite
     forces = {name: chain.force(name) for name in FORCES}
-    parts = {"bodies": chain.bodies, "hinges": chain.hinges, "axes": chain.described, **forces}
-    for part, rows in parts.items():
+    for part, rows in {"bodies": chain.bodies, "hinges": chain.hinges, "axes": chain.described, **forces}.items():
         for name in set(rows.dtype.names or ()) - unlimited:
             if not np.isfinite(rows[name]).all():
                 raise ValueError(f"its chain's {part} have a {name} that is not finite")

@@ -212,14 +212,14 @@ def _notes(robot: Robot, way: Paths, stated: set[str], lifeless: tuple[str, ...]
     moving = sum(part.body.mass for part in way.parts)
     yield Diagnostic(f"{robot.name}: {_span(way)}; moving mass {moving:.6g} kg", "imported")
     if way.free_base is not None:
-        others = short_list([*way.free_base.folded]) or "nothing else"
-        text = f"{way.base}: the floating base, {way.free_base.body.mass:.6g} kg; includes {others}"
+        _, body, attached = way.free_base
+        text = f"{way.base}: the floating base, {body.mass:.6g} kg; includes {short_list(attached) or 'nothing else'}"
         yield Diagnostic(text, "imported-base")
     for part in way.parts:
         name, start = part.joint.name, way.positions[part.joint.name]
         if part.folded:
-            others = short_list(part.folded)
-            yield Diagnostic(f"{part.link}: includes {others}, which do not move relative to it", "link-folded")
+            text = f"{part.link}: includes {short_list(part.folded)}, which do not move relative to it"
+            yield Diagnostic(text, "link-folded")
         if start and name not in stated:
             begins = f"starts at {start:.4g} {'rad' if part.joint.turns else 'm'}"
             yield Diagnostic(f"{name}: {begins}, the middle of its limits, which exclude 0", "joint-start")

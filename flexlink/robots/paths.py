@@ -35,14 +35,6 @@ class Tip(NamedTuple):
     place: Pose
 
 
-class FreeBase(NamedTuple):
-    """A floating base: the frame of its link in the root's frame, and its body with all rigidly attached links."""
-
-    place: Pose
-    body: SpatialInertia
-    folded: tuple[str, ...]
-
-
 @dataclasses.dataclass(frozen=True)
 class Paths:
     """The moving parts of a robot from the base outward, path by path, and the tips."""
@@ -52,7 +44,8 @@ class Paths:
     parts: tuple[Part, ...]
     positions: Mapping[str, float]  # of all joints of the robot [rad, m]
     held: tuple[str, ...]  # movable joints that are fixed and affect the arm: before the base, or within one part
-    free_base: FreeBase | None = None
+    # of a floating base: the frame of its link in the root's frame, its body, and the links that are part of it
+    free_base: tuple[Pose, SpatialInertia, tuple[str, ...]] | None = None
 
     @functools.cached_property
     def _tips_on(self) -> dict[int, list[tuple[int, Tip]]]:
@@ -126,7 +119,7 @@ def paths(
     parts, places = _parts(robot, way, free, positions, {base: (0, HERE if free_base else place)})
     stems, moving = {part.parent for part in parts}, {joint.name for joint in loose}
     ends = tips or [robot.outward(part.link, moving)[-1] for k, part in enumerate(parts, 1) if k not in stems]
-    floating = FreeBase(place, *folded(robot, base, free, positions)) if free_base else None
+    floating = (place, *folded(robot, base, free, positions)) if free_base else None
     found = Paths(base, tuple(Tip(end, *places[end]) for end in ends), parts, positions, (), floating)
     return dataclasses.replace(found, held=_held(robot, found))
 
@@ -193,7 +186,7 @@ def _held(robot: Robot, found: Paths) -> tuple[str, ...]:
         if not part.parent:
             way = robot.path(start, robot.above[part.link].parent) or []
             before |= {joint.name: None for joint in way if joint.moves}
-    bodies = [part.folded for part in found.parts] + [found.free_base.folded if found.free_base else ()]
+    bodies = [part.folded for part in found.parts] + [found.free_base[2] if found.free_base else ()]
     inside = [robot.above[link] for links in bodies for link in links]
     return tuple({**before, **{joint.name: None for joint in inside if joint.moves}})
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
@@ -61,7 +61,7 @@ class SweepOutput(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        known = MEASURES[self.of].options if self.of in MEASURES else {"take", "after"}
+        known = MEASURES[self.of][1] if self.of in MEASURES else {"take", "after"}
         for name, value in (("take", self.take), ("after", self.after or None),
                             ("target", self.target), ("tolerance", self.tolerance)):  # fmt: skip
             if value is not None and name not in known:
@@ -74,15 +74,14 @@ class SweepOutput(Spec, frozen=True):
     def measure(self, run: Trajectory) -> float:
         """This output of a run; an error if the run has no such column, no sample in time, or no rest position."""
         if self.of in MEASURES:
-            return float(MEASURES[self.of].value(self, run))
+            return float(MEASURES[self.of][0](self, run))
         return float(self._reduced(run.t, column_of(run, self.of)))
 
     def measure_all(self, block: Block) -> list[float]:
         """Apply `measure` to every member of a block, with bitwise equal results."""
         if self.of in MEASURES:
             return [self.measure(block.trajectory(k)) for k in range(len(block.members))]
-        columns = self._reduced(block.t[: block.rows], columns_of(block, self.of))
-        return [float(value) for value in columns]
+        return [float(value) for value in self._reduced(block.t[: block.rows], columns_of(block, self.of))]
 
     def _reduced(self, t: Array, column: Array) -> Array:
         first = int(np.searchsorted(t, self.after)) if self.after > t[0] else 0
@@ -133,13 +132,6 @@ def _counted(run: Trajectory, name: str) -> float:
     return float(getattr(run.steps, {"steps": "taken"}.get(name, name)))
 
 
-class Measure(NamedTuple):
-    """A measure of a run, and the options of `SweepOutput` that it takes."""
-
-    value: Callable[[SweepOutput, Trajectory], float]
-    options: set[str]
-
-
 def _stated(run: Trajectory) -> float:
     """Largest stated error of the tip [m]."""
     if run.error is None:
@@ -147,19 +139,20 @@ def _stated(run: Trajectory) -> float:
     return float(run.error.max())
 
 
-MEASURES: Mapping[str, Measure] = {
-    "steps": Measure(lambda _output, run: _counted(run, "steps"), set()),
-    "evaluations": Measure(lambda _output, run: _counted(run, "evaluations"), set()),
-    "error [m]": Measure(lambda _output, run: _stated(run), set()),
-    "settling time [s]": Measure(
+MEASURES: Mapping[str, tuple[Callable[[SweepOutput, Trajectory], float], set[str]]] = {
+    "steps": (lambda _output, run: _counted(run, "steps"), set()),
+    "evaluations": (lambda _output, run: _counted(run, "evaluations"), set()),
+    "error [m]": (lambda _output, run: _stated(run), set()),
+    "settling time [s]": (
         lambda output, run: run.settling_time(
             target=output.place(run), tolerance=output.tolerance or 0.0, after=output.after
         ),
         {"target", "tolerance", "after"},
     ),
-    "overshoot [m]": Measure(lambda output, run: run.overshoot(target=output.place(run)), {"target"}),
-    "residual vibration [m]": Measure(lambda output, run: run.residual_vibration(after=output.after), {"after"}),
+    "overshoot [m]": (lambda output, run: run.overshoot(target=output.place(run)), {"target"}),
+    "residual vibration [m]": (lambda output, run: run.residual_vibration(after=output.after), {"after"}),
 }
+"""Measures of a run, each with the options of `SweepOutput` that it takes."""
 
 
 def measured(quantities: Mapping[str, SweepOutput], run: Trajectory) -> tuple[tuple[float | None, ...], str]:

@@ -216,9 +216,6 @@ def _is_slow(axis: Axis) -> bool:
     return any(key.split(".")[0] in tables or key.split(".")[-1] in fields for key in axis.keys)
 
 
-# Fingerprint of a sweep, which identifies everything that its rows depend on: sweep, scene, their files, versions.
-
-
 Fingerprint = dict[str, Any]
 
 

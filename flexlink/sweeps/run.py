@@ -117,9 +117,6 @@ def fill(
             raise InterruptedSweepError(f"{word(number)}; {text}", number)
 
 
-# Check before the first run that the keys, engines and output columns of a sweep exist.
-
-
 def preflight(plan: Plan) -> None:
     """Refuse a sweep with unknown keys or output columns; values are checked later, member by member."""
     plan.check_paths()

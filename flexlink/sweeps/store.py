@@ -89,8 +89,7 @@ class Store:
         """Add checksums of the rows in a range of numbers, as SQLite returns them."""
         where = "WHERE rows.number BETWEEN ? AND ? AND checks.number IS NULL"
         found = self._db.execute(f"SELECT rows.* FROM rows LEFT JOIN checks USING (number) {where}", (first, last))
-        sums = [(row[0], _sum(row)) for row in found.fetchall()]
-        self._db.executemany("INSERT INTO checks VALUES (?, ?)", sums)
+        self._db.executemany("INSERT INTO checks VALUES (?, ?)", [(row[0], _sum(row)) for row in found.fetchall()])
 
     def __enter__(self) -> Store:
         return self
@@ -190,6 +189,4 @@ def _kept(value: Any) -> float | int | str | None:
     """Convert a varied value to a number or text; lists and tables become JSON."""
     if isinstance(value, float | str) or value is None:
         return value
-    if type(value) is int and abs(value) < 2**63:
-        return value
-    return msgspec.json.encode(value).decode()
+    return value if type(value) is int and abs(value) < 2**63 else msgspec.json.encode(value).decode()

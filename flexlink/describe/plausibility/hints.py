@@ -38,8 +38,7 @@ def _hints(scene: Scene) -> Iterator[Diagnostic]:
     yield from of_times(scene, about)
     yield from of_sensors(scene)
     if not causes:  # these hints depend on the numbers checked above
-        strained = list(loads.of_loads(scene, about))
-        yield from strained or loads.of_joints(scene, about)
+        yield from list(loads.of_loads(scene, about)) or loads.of_joints(scene, about)
 
 
 def of_sensors(scene: Scene) -> Iterator[Diagnostic]:

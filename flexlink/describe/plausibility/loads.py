@@ -145,9 +145,6 @@ def _overload(arm: Arm, link: Link, cause: str, strain: float, known: Range, sce
     return Diagnostic(text, "likely-unit")
 
 
-# Rough dimensions and masses of an arm, relative to which loads, positions and rotors are checked.
-
-
 class Situation(NamedTuple):
     """Rough dimensions and masses of an arm that is stretched out."""
 

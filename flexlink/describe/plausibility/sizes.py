@@ -110,9 +110,6 @@ def largest_dimension(section: Section) -> tuple[str, float]:
     return max(((n, getattr(section, n) or 0.0) for n in names), key=lambda pair: pair[1])
 
 
-# Plausible ranges of quantities, from `data/plausibility/ranges.toml`, and the hint on a value outside its range.
-
-
 class Range(Spec, frozen=True):
     """Plausible values of a quantity, and units that may have been used by mistake."""
 

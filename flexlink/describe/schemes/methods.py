@@ -141,8 +141,7 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
         c = float64([sum(map(Fraction, row), Fraction(0)) for row in self.dense_stages])
         own, b, _ = self.exact
         rows = [[Fraction(x) for x in row] for row in self.dense_rows]
-        ends = [dot(b, column) for column in zip(*own, strict=True)]
-        return A, c, coefficients.polynomials(b, ends, rows)
+        return A, c, coefficients.polynomials(b, [dot(b, column) for column in zip(*own, strict=True)], rows)
 
     @functools.cached_property
     def modes(self) -> Modes:
@@ -151,8 +150,7 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
             text = f"{self.about}: explicit; only implicit methods use the eigenvectors of A"
             raise ArgumentError(text, id="method-not-supported")
         exact, b, _ = self.exact
-        A = float64(exact)
-        λ, T = np.linalg.eig(A)
+        λ, T = np.linalg.eig(float64(exact))
         if not np.linalg.cond(T) < 1e7:  # Newton corrections are multiplied by T, and 9 digits must remain
             text = "A: too few eigenvectors, for example because of repeated diagonal elements; use another method"
             raise SceneError(text, id="method-coefficients")
@@ -201,8 +199,7 @@ class Method(Spec, frozen=True, dict=True):  # the dict is for cached properties
         stages = len(self.c)
         if self.stages not in {0, stages}:
             raise self._refused("stages", f"c has {stages}", "method-stages")
-        lengths = [len(row) for row in self.A]
-        if len(self.b) != stages or lengths not in (list(range(stages)), [stages] * stages):
+        if len(self.b) != stages or [len(row) for row in self.A] not in (list(range(stages)), [stages] * stages):
             rows = f"0, 1, …, {stages - 1} (explicit) or {stages} each (implicit)"
             text = f"{stages} stages need {stages} numbers in b, and in the rows of A {rows}"
             raise SceneError(f"A, b, c: {text}", id="method-coefficients")

@@ -157,11 +157,9 @@ def coarse_samples(scene: Scene, run: Samples) -> Iterator[Diagnostic]:
         off, size = np.abs(fine[:, ::2] - coarse).max(), np.ptp(fine)
         # largest error that is not reported, relative to the range of a column
         if off > 0.01 * size:
-            yield Diagnostic(
-                f"sensor.{sensor.name}: its signal is interpolated linearly between samples {scene.run.spacing:g} s "
-                f"apart; with half of them its readings change by {off / size:.1%} of their range; reduce run.sample",
-                "coarse-samples",
-            )
+            why = f"its signal is interpolated linearly between samples {scene.run.spacing:g} s apart"
+            change = f"with half of them its readings change by {off / size:.1%} of their range; reduce run.sample"
+            yield Diagnostic(f"sensor.{sensor.name}: {why}; {change}", "coarse-samples")
 
 
 BLOCK = 256  # number of noise values generated at once

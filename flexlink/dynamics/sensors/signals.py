@@ -135,11 +135,8 @@ def placement_of(sensor: Sensor, scene: Scene) -> tuple[int, Array, Array]:
         body = _piece_at(of_link, along / length if length else 1.0).body
         position = R[body].T @ (origin + axes @ sensor.point - p[body])
     if not body:
-        raise SceneError(
-            f"sensor.{sensor.name}: is mounted on a part that is fixed in frame 0; choose a position beyond the first "
-            "hinge",
-            id="sensor-on-fixed-part",
-        )
+        why = "is mounted on a part that is fixed in frame 0; choose a position beyond the first hinge"
+        raise SceneError(f"sensor.{sensor.name}: {why}", id="sensor-on-fixed-part")
     directions = wanted if sensor.kind == "position" else wanted @ axes.T @ R[body]
     return body - 1, position, directions
 

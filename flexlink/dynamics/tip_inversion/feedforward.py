@@ -70,11 +70,9 @@ def feedforward_of(scene: Scene, chain: Chain, move: TipMove, wrench: Array) -> 
     path = TipPath(grid.spacing, postures, tips, wrench)
     motion = inverse_motion(chain, path)
     if motion.correction > 1e-6:
-        raise ConvergenceError(
-            f"tip: no bounded motion of the joints was found whose tip makes this move in {move.duration:g} s; take a "
-            "longer move or a smoother profile",
-            coarse[0], 0.0, id="inversion-diverged",
-        )  # fmt: skip
+        why = f"no bounded motion of the joints was found whose tip makes this move in {move.duration:g} s"
+        text = f"tip: {why}; take a longer move or a smoother profile"
+        raise ConvergenceError(text, coarse[0], 0.0, id="inversion-diverged")
     found = Feedforward(
         np.asarray(move.start + grid.spacing * (np.arange(grid.rows) - grid.before), np.float64), path, motion, grid,
         move, zeros,
@@ -92,11 +90,9 @@ def _require_control(chain: Chain, postures: Array) -> None:
     if moved == driven and (np.linalg.det(J[:-1].transpose(0, 2, 1) @ J[1:]) <= 0).any():  # stretched in between
         moved -= 1
     if moved < driven:
-        raise SceneError(
-            f"tip: {driven} driven joints move it in only {plural(moved, 'direction')} somewhere along the move; "
-            "lock joints that it does not need (link.NAME.joint.locked = true), or keep away from a stretched arm",
-            id="tip-not-controlled",
-        )
+        why = f"tip: {driven} driven joints move it in only {plural(moved, 'direction')} somewhere along the move"
+        remedy = "lock joints that it does not need (link.NAME.joint.locked = true), or keep away from a stretched arm"
+        raise SceneError(f"{why}; {remedy}", id="tip-not-controlled")
 
 
 def _require_effort(scene: Scene, chain: Chain, found: Feedforward) -> None:
@@ -119,8 +115,7 @@ def _require_effort(scene: Scene, chain: Chain, found: Feedforward) -> None:
 
 def directions_of(chain: Chain, postures: Array) -> Array:
     """Orthonormal directions in which the driven joints move the tip, shape (m, 3, d)."""
-    J = jacobian(chain, postures).linear[:, :, chain.active]
-    return np.asarray(np.linalg.svd(J, full_matrices=False)[0])
+    return np.asarray(np.linalg.svd(jacobian(chain, postures).linear[:, :, chain.active], full_matrices=False)[0])
 
 
 class Grid(NamedTuple):
@@ -153,21 +148,16 @@ def grid_of(zeros: list[tuple[Complex, Complex]], duration: float, n: int) -> Gr
         if points < fewest:
             needed = 1.005 * fewest * 1.2 * fastest / slowest if slowest * duration > 1e-3 else math.inf
             longer = f"a move of {needed:.3g} s or more" if math.isfinite(needed) else "other joints"
-            raise SceneError(
-                f"tip: with the tip at rest the arm can vibrate at {slowest / (2 * math.pi):.3g} Hz (a transmission "
-                f"zero on the imaginary axis), so no bounded torque moves the tip in {duration:g} s; take {longer}, or "
-                "less inertia at the tip",
-                id="zeros-on-axis",
-            )
+            zero = f"{slowest / (2 * math.pi):.3g} Hz (a transmission zero on the imaginary axis)"
+            why = f"with the tip at rest the arm can vibrate at {zero}, so no bounded torque moves the tip"
+            text = f"tip: {why} in {duration:g} s; take {longer}, or less inertia at the tip"
+            raise SceneError(text, id="zeros-on-axis")
     h = duration / points
     first, last = (damped[np.abs(damped) * h <= fastest] for damped, _ in (zeros[0], zeros[-1]))
     before, after = _decay(first[first.real > 0].real, h), _decay(-last[last.real < 0].real, h)
     if before + after > 20 * points:
-        raise SceneError(
-            f"tip: torques would have to begin {before * h:.3g} s before and end {after * h:.3g} s after a move of "
-            f"{duration:g} s; take a longer move",
-            id="zeros-too-slow",
-        )
+        why = f"tip: torques would have to begin {before * h:.3g} s before and end {after * h:.3g} s after"
+        raise SceneError(f"{why} a move of {duration:g} s; take a longer move", id="zeros-too-slow")
     return Grid(h, before, points, after)
 
 

@@ -68,11 +68,9 @@ def _require_smooth(course: ReferenceTrajectory, start: float, end: float) -> No
     for what, left, right, most in zip(("position", "rate", "acceleration"), before, after, largest, strict=True):
         jump = np.abs(right - left).max(axis=1)
         if jump.max() > 1e-6 * most:
-            raise SceneError(
-                f"drive.reference: its {what} jumps at t = {course.knots[int(jump.argmax())]:.6g} s, which the tip "
-                "cannot follow; use profile 'quintic' or 's_curve', or a smooth table with rates and accelerations",
-                id="reference-not-smooth",
-            )
+            why = f"its {what} jumps at t = {course.knots[int(jump.argmax())]:.6g} s, which the tip cannot follow"
+            remedy = "use profile 'quintic' or 's_curve', or a smooth table with rates and accelerations"
+            raise SceneError(f"drive.reference: {why}; {remedy}", id="reference-not-smooth")
 
 
 def _straight(scene: Scene, chain: Chain, to: Array, duration: float, wrench: Array) -> TipMove:
@@ -94,12 +92,10 @@ def _straight(scene: Scene, chain: Chain, to: Array, duration: float, wrench: Ar
             posture[chain.active] += change / max(1.0, float(np.abs(change).max()) / 0.5)  # at most 0.5 rad or m
             posture = static_posture(chain, posture, wrench, "world")
         else:
-            raise ArgumentError(
-                f"to = {to.tolist()} m: {plural(len(angles), 'driven joint')} cannot move the tip beyond "
-                f"{100 * before:.0f} % of the straight line from {start.round(4).tolist()} m; choose a point in reach"
-                f"{millimetres}",
-                id="tip-out-of-reach",
-            )
+            line = f"{100 * before:.0f} % of the straight line from {start.round(4).tolist()} m"
+            why = f"{plural(len(angles), 'driven joint')} cannot move the tip beyond {line}"
+            text = f"to = {to.tolist()} m: {why}; choose a point in reach{millimetres}"
+            raise ArgumentError(text, id="tip-out-of-reach")
         found.append(posture[chain.active])
     from scipy.interpolate import CubicSpline  # noqa: PLC0415  slow to import: 0.1 s
 

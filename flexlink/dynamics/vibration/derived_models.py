@@ -192,8 +192,7 @@ def between(λ: Array, count: int) -> float:
 
 def krylov(solve: Solve, start: Array, size: int) -> Array:
     """Orthonormal basis of S start, S² start, …, and of two fixed further directions with their images, (n, size)."""
-    others = np.random.default_rng(0).standard_normal((len(start), 2))
-    block = np.linalg.qr(solve(np.hstack([start, others])))[0]
+    block = np.linalg.qr(solve(np.hstack([start, np.random.default_rng(0).standard_normal((len(start), 2))])))[0]
     Q = block
     while Q.shape[1] < size:
         block = solve(block)
@@ -204,23 +203,13 @@ def krylov(solve: Solve, start: Array, size: int) -> Array:
     return Q[:, :size]
 
 
-class Balanced(NamedTuple):
-    """A balanced model of few states, and the bound of its error."""
-
-    A: Array  # (r, r)
-    B: Array  # (r, m)
-    C: Array  # (p, r)
-    D: Array  # (p, m)
-    reduce: Array  # (r, n): x_r = reduce x
-    bound: float  # 2 Σ σ_k of the states left out
-
-
-def balanced_part(A: Array, B: Array, C: Array, D: Array, count: int) -> Balanced:
+def balanced_part(A: Array, B: Array, C: Array, D: Array, count: int) -> tuple[Matrices, Array, float]:
     """Balanced singular perturbation of a stable system: the states of its `count` largest Hankel singular values σ.
 
     With Gramians P = L Lᵀ and Q = R Rᵀ, and Rᵀ L = U Σ Vᵀ, the balanced states are Σ^{-1/2} Uᵀ Rᵀ x. The states of the
     smaller σ follow the others at once, so the static gain is kept; the error of the frequency response is at most
-    2 Σ σ_k of these (Liu & Anderson, International Journal of Control 50(4), 1989).
+    2 Σ σ_k of these (Liu & Anderson, International Journal of Control 50(4), 1989), which is returned after the
+    matrices and after the matrix that reduces x.
     """
     A, (scale, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
     B, C = B / scale[:, None], C * scale
@@ -235,7 +224,7 @@ def balanced_part(A: Array, B: Array, C: Array, D: Array, count: int) -> Balance
     fast = np.linalg.solve(A[r:, r:], np.hstack([A[r:, :r], B[r:]]))
     A, B, C = A[:r, :r] - A[:r, r:] @ fast[:, :r], B[:r] - A[:r, r:] @ fast[:, r:], C[:, :r] - C[:, r:] @ fast[:, :r]
     D = gain + C @ np.linalg.solve(A, B)  # D − C₂ A₂₂⁻¹ B₂, and the gain of the states that are left out altogether
-    return Balanced(A, B, C, D, (down / scale)[:r], float(2 * σ[r:].sum()))
+    return (A, B, C, D), (down / scale)[:r], float(2 * σ[r:].sum())
 
 
 def _root(gramian: Array) -> Array:

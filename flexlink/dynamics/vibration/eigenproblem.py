@@ -56,8 +56,7 @@ def solve(M: Array, L: Array, C: Array, stiffness: Stiffness) -> Solution:
     K = stiffness.K
     without_potential = np.zeros_like(K) if stiffness.conservative else (K - K.T) / 2
     found = _first_order(modes, C, without_potential) if C.any() else _undamped(modes, without_potential)
-    λ = np.where(np.abs(found.eigenvalues) <= found.rounding, 0.0, found.eigenvalues)
-    return found._replace(eigenvalues=λ)
+    return found._replace(eigenvalues=np.where(np.abs(found.eigenvalues) <= found.rounding, 0.0, found.eigenvalues))
 
 
 def _conservative(M: Array, L: Array, stiffness: Stiffness) -> _Modes:
@@ -166,8 +165,7 @@ def _dissipative(C: Array) -> bool:
     """Whether q̇ᵀ C q̇ ≥ 0 for all q̇ up to rounding errors, judged with all rows scaled to the same magnitude."""
     size = np.sqrt(np.abs(C).max(axis=1))
     size[size == 0] = 1.0
-    scaled = (C + C.T) / 2 / np.outer(size, size)
-    return bool(np.linalg.eigvalsh(scaled).min() >= -len(C) * EPS)
+    return bool(np.linalg.eigvalsh((C + C.T) / 2 / np.outer(size, size)).min() >= -len(C) * EPS)
 
 
 def first_order_matrix(M: Array, C: Array, K: Array) -> Array:
@@ -242,8 +240,7 @@ class Subspace:
     def modes(self) -> Solution:
         """Modes of the chain restricted to the subspace."""
         M = self.W @ self.MW.T
-        L = scipy.linalg.cholesky((M + M.T) / 2, lower=True)
-        return solve(M, L, self.W @ self.CW.T, self.stiffness())
+        return solve(M, scipy.linalg.cholesky((M + M.T) / 2, lower=True), self.W @ self.CW.T, self.stiffness())
 
     def corrections(self, λ: NDArray[np.inexact], shapes: NDArray[np.inexact]) -> NDArray[np.inexact]:
         """(K + σ C + σ² M)⁻¹ (λ² M + λ C + K) φ, relative to the largest entry of φ, for modes in the subspace."""

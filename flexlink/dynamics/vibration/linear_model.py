@@ -247,18 +247,13 @@ class LinearModel(SavedResult):
         start = self.reduced(4 * states) if len(self.A) > 4 * states else self
         slowest = float(np.linalg.eigvals(start.A).real.max())
         if slowest >= -1e-9 * float(np.abs(start.A).max()):
-            raise ArgumentError(
-                f"balanced: the model has an eigenvalue with real part {slowest:.3g} 1/s, so it is not stable; give "
-                "links damping and joints friction, or use reduced",
-                id="not-stable",
-            )
-        found = balanced_part(start.A, start.B, start.C, start.D, states)
+            why = f"the model has an eigenvalue with real part {slowest:.3g} 1/s, so it is not stable"
+            remedy = "give links damping and joints friction, or use reduced"
+            raise ArgumentError(f"balanced: {why}; {remedy}", id="not-stable")
+        (A, B, C, D), reduce, bound = balanced_part(start.A, start.B, start.C, start.D, states)
         names = tuple(f"balanced {k}" for k in range(1, states + 1))
-        model = dataclasses.replace(
-            self, A=found.A, B=found.B, C=found.C, D=found.D, x=np.zeros(states), rate=found.reduce @ start.rate,
-            states=names,
-        )  # fmt: skip
-        return model, found.bound
+        rate = reduce @ start.rate
+        return dataclasses.replace(self, A=A, B=B, C=C, D=D, x=np.zeros(states), rate=rate, states=names), bound
 
     def control(self) -> Any:
         """The model as a `StateSpace` of python-control, with the names of states, inputs and outputs.
@@ -301,11 +296,8 @@ class LinearModel(SavedResult):
 
     def _require_no_delay(self) -> None:
         if self.delays.any():
-            raise ArgumentError(
-                f"delays: output {self.outputs[int(np.argmax(self.delays))]!r} is {self.delays.max():g} s late; "
-                "use model.sampled(rate), which contains delays",
-                id="delayed-output",
-            )
+            late = f"output {self.outputs[int(np.argmax(self.delays))]!r} is {self.delays.max():g} s late"
+            raise ArgumentError(f"delays: {late}; use model.sampled(rate), which contains delays", id="delayed-output")
 
     def __repr__(self) -> str:
         late = f", delayed by up to {self.delays.max():g} s" if self.delays.any() else ""
@@ -383,8 +375,7 @@ def _tip_rate(chain: Chain, q: Array, qd: Array) -> Output:
     J, e = tip.linear, tip.angular
     turning, moving = e * qd, J * qd
     before = np.cumsum(turning, axis=1) - turning
-    beyond = np.cumsum(moving[:, ::-1], axis=1)[:, ::-1]
-    slope = np.cross(e, beyond, axis=0) + np.cross(before, J, axis=0)
+    slope = np.cross(e, np.cumsum(moving[:, ::-1], axis=1)[:, ::-1], axis=0) + np.cross(before, J, axis=0)
     return Output(tuple(f"tip rate {axis} [m/s]" for axis in "xyz"), J @ qd, slope, J)
 
 

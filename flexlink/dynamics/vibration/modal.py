@@ -68,8 +68,7 @@ def mode_kinds(
     F = losses @ ~sprung
     moving, total = λ != 0, E + P + F  # if nothing moves, E is a rounding error
     share = np.where(moving, E / np.where(total > 0, total, 1.0), 0.0)
-    loaded = moving & (P > F) & (noise < P)
-    names = np.where(share > 0.5, "elastic", np.where(loaded, "pendulum", "rigid"))
+    names = np.where(share > 0.5, "elastic", np.where(moving & (P > F) & (noise < P), "pendulum", "rigid"))
     names = np.where(np.abs(λ) ** 2 * (square @ lent) > 0.5 * total, "artificial", names)
     return tuple(names.tolist()), share
 

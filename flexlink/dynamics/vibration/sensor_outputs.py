@@ -52,11 +52,8 @@ class SensorOutputs:
             raise ArgumentError(f"scene = {scene!r}: has no [[sensor]]", id="no-sensors")
         for name in names:
             if name not in sensors:
-                raise ArgumentError(
-                    f"names = {truncated(name)}: no such sensor; allowed are {', '.join(sensors)}"
-                    f"{did_you_mean(name, sensors)}",
-                    id="unknown-sensor",
-                )
+                why = f"no such sensor; allowed are {', '.join(sensors)}{did_you_mean(name, sensors)}"
+                raise ArgumentError(f"names = {truncated(name)}: {why}", id="unknown-sensor")
         self.sensors = tuple(sensors[name] for name in names or sensors)
 
     def __repr__(self) -> str:
@@ -77,11 +74,9 @@ class SensorOutputs:
     def _output(self, sensor: Sensor, chain: Chain, q: Array, qd: Array, qdd: Array, tau: Array) -> Output:
         scene = self.scene
         if sensor.kind in {"torque", "current"} and chain.held[joint_of(sensor, chain, scene)]:
-            raise ArgumentError(
-                f"outputs: sensor {sensor.name!r}: the motion of its joint is prescribed; a linear model has the "
-                "acceleration of this joint as input and no torque as output; leave the sensor out",
-                id="sensor-of-prescribed-joint",
-            )
+            why = "a linear model has the acceleration of this joint as input and no torque as output"
+            text = f"sensor {sensor.name!r}: the motion of its joint is prescribed; {why}; leave the sensor out"
+            raise ArgumentError(f"outputs: {text}", id="sensor-of-prescribed-joint")
         here = SimpleNamespace(chain=chain, t=np.zeros(1), q=q[None], qd=qd[None], qdd=qdd[None], tau=tau[None])
         slopes = slopes_of(sensor, scene, chain, q, qd, qdd)
         none = np.zeros_like(next(iter(slopes.values())))

@@ -233,8 +233,7 @@ def stable_step(
     inf
     """
     q = require_type("chain", chain, Chain).rest if q is None else q
-    λ = fastest_eigenvalues(chain, q, qd, tip_wrench=tip_wrench, frame=frame, gains=gains)
-    return stable_step_of(λ, method)
+    return stable_step_of(fastest_eigenvalues(chain, q, qd, tip_wrench=tip_wrench, frame=frame, gains=gains), method)
 
 
 def bounding_eigenvalues(ω: float, δ: float) -> Complex:
@@ -243,8 +242,7 @@ def bounding_eigenvalues(ω: float, δ: float) -> Complex:
     They are the roots of λ² + δ λ + ω² = 0, which assume that the stiffest mode is also the most damped one (true for
     Kelvin-Voigt damping), and ±iω and −δ, in case these are separate modes.
     """
-    pair = np.roots([1.0, δ, ω * ω]).astype(complex)
-    return np.concatenate([pair, [1j * ω, -1j * ω, -δ]])
+    return np.concatenate([np.roots([1.0, δ, ω * ω]).astype(complex), [1j * ω, -1j * ω, -δ]])
 
 
 def stable_step_of(λ: Complex, method: str) -> float:

@@ -168,17 +168,13 @@ def _check_steady(chain: Chain, steady: LoadedState) -> None:
     now = _scaled_terms(chain, steady.q, steady)
     terms = "the torques on", "the inertia of", "the stiffness of"
     for far in LATER:
-        then = _scaled_terms(chain, steady.q + far * step, steady)
-        for what, before, after in zip(terms, now, then, strict=True):
+        for what, before, after in zip(terms, now, _scaled_terms(chain, steady.q + far * step, steady), strict=True):
             if np.abs(after - before).max() > SAME:
                 moving = ", ".join(chain.joint_name(int(k)) for k in np.flatnonzero(steady.qd))
-                raise ArgumentError(
-                    f"rates: the motion of {moving} is not steady: it changes {what} the free joints, for example "
-                    "under gravity or a load across a shaft; modes exist only about a steady motion"
-                    + "; turn about the axis of gravity, or set gravity = [0, 0, 0]"
-                    * ("torques" in what),
-                    id="no-steady-motion",
-                )
+                why = f"it changes {what} the free joints, for example under gravity or a load across a shaft"
+                remedy = "; turn about the axis of gravity, or set gravity = [0, 0, 0]" * ("torques" in what)
+                text = f"rates: the motion of {moving} is not steady: {why}; modes exist only about a steady motion"
+                raise ArgumentError(text + remedy, id="no-steady-motion")
 
 
 def _scaled_terms(chain: Chain, q: Array, steady: LoadedState) -> tuple[Array, Array, Array]:
@@ -195,8 +191,7 @@ def _scaled_terms(chain: Chain, q: Array, steady: LoadedState) -> tuple[Array, A
 
 def rest_of(chain: Chain, q: Array, *, tip_wrench: ArrayLike | None = None, frame: Frame = "world") -> Equilibrium:
     """Static equilibrium with the driven joints held at their angles in q (n,) [rad]; errors as in `solve_static`."""
-    held = chain.active.tolist()
-    return solve_static(chain, unbent(chain, q), tip_wrench=tip_wrench, frame=frame, locked=held)
+    return solve_static(chain, unbent(chain, q), tip_wrench=tip_wrench, frame=frame, locked=chain.active.tolist())
 
 
 def modes_at_rest(

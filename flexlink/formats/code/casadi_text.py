@@ -44,8 +44,7 @@ def to_casadi(chain: Chain) -> str:
     lines = statements(model.tape, results, names, "t{} = {}", "t{}", "ca.", "ca.if_else({} >= 0.0, {}, {})")
     body = "\n    ".join(lines)
     rate, tip = (", ".join(operand(value, names) for value in values) for values in results)
-    rows = cases(chain)
-    tests = ",\n".join(f"    {tuple(part.tolist() for part in row)!r}" for row in rows)
+    tests = ",\n".join(f"    {tuple(part.tolist() for part in row)!r}" for row in cases(chain))
     return f'''"""Equations of motion of {chain.name.replace(chr(34), "'")!r} for CasADi, written by flexlink."""
 
 import casadi as ca

@@ -63,8 +63,7 @@ def model_of(chain: Chain) -> Model:
         work = on_tape(shaped_workspace)(chain.arrays, chain.shapes, _inverse_workspace(chain))
     on_tape(forward_dynamics)(np.zeros(6), q, qd, tau, qdd, work)
     zdd = np.where(chain.held[joints], qdd[joints], qdd if chain.shapes is None else work.z)
-    tip = on_tape(forward_kinematics)(chain.arrays, q).points[-1]
-    return Model(chain, tape, x, u, [*x[m:], *zdd], list(tip))
+    return Model(chain, tape, x, u, [*x[m:], *zdd], list(on_tape(forward_kinematics)(chain.arrays, q).points[-1]))
 
 
 def _state(chain: Chain, x: list[Number], u: list[Number]) -> tuple[Objects, Objects, Objects, Objects]:
@@ -205,5 +204,4 @@ def on_tape(value: Any) -> Any:
         return value
     names, cells = on_tape(plain.__globals__), plain.__closure__
     held = None if cells is None else tuple(CellType(on_tape(cell.cell_contents)) for cell in cells)
-    copy = FunctionType(plain.__code__, names, plain.__name__, plain.__defaults__, held)
-    return COPIES.setdefault(id(value), copy)
+    return COPIES.setdefault(id(value), FunctionType(plain.__code__, names, plain.__name__, plain.__defaults__, held))

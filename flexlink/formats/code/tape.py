@@ -95,8 +95,7 @@ class Tape:
 
     def hold(self, value: Real) -> Number:
         """The same value, constant in derivatives by anything but itself."""
-        operand = value.line if isinstance(value, Number) else float(value)
-        self.operations.append(Operation("held", (operand,)))
+        self.operations.append(Operation("held", (value.line if isinstance(value, Number) else float(value),)))
         return Number(self, len(self.operations) - 1)
 
     def slopes(self, values: Sequence[Real], by: Number) -> list[Real]:

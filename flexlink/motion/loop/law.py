@@ -95,11 +95,10 @@ def law_in_python(law: Law, plant: Plant) -> LinearLaw:
             moved = [call(y + sign * factor * h * _unit(k, len(y))) for sign in (1.0, -1.0)]
             slopes[:, k] += weight * (moved[0] - moved[1]) / (12.0 * h)
     if not np.array_equal(call(y), before):
-        raise ArgumentError(
-            f"control: law {_name(law)} returns another torque when it is called again at the same t, q and q̇, so it "
-            "has a memory, whose slopes are unknown; close fl.linearize(…).sampled(rate, delay) with its own matrices",
-            id="law-with-memory",
-        )
+        why = "returns another torque when it is called again at the same t, q and q̇, so it has a memory"
+        remedy = "close fl.linearize(…).sampled(rate, delay) with its own matrices"
+        text = f"control: law {_name(law)} {why}, whose slopes are unknown; {remedy}"
+        raise ArgumentError(text, id="law-with-memory")
     return proportional(slopes[plant.moving])
 
 
@@ -114,11 +113,9 @@ def _caller(law: Law, plant: Plant, d: int) -> Callable[[Array], Array]:
             text = f"control: law {_name(law)} raised {type(error).__name__}: {error}"
             raise ArgumentError(text, id="law-failed") from error
         if given.shape != (d,) or not np.isfinite(given).all():
-            raise ArgumentError(
-                f"control: law {_name(law)} returned {truncated(given.tolist())}; expected one finite number per "
-                f"driven joint, shape ({d},)",
-                id="law-failed",
-            )
+            wanted = f"expected one finite number per driven joint, shape ({d},)"
+            why = f"control: law {_name(law)} returned {truncated(given.tolist())}; {wanted}"
+            raise ArgumentError(why, id="law-failed")
         return given
 
     return call

@@ -253,8 +253,7 @@ class Loop:
         """Number of an input, given by its number, its name, or the name of its joint."""
         numbers = {name: k for k, name in enumerate(self.inputs)}
         if isinstance(name, str):
-            joints = {each.split(" ")[1]: k for each, k in numbers.items()}
-            return require_one_of("input", name, joints | numbers)
+            return require_one_of("input", name, {each.split(" ")[1]: k for each, k in numbers.items()} | numbers)
         if 0 <= name < len(self.inputs):
             return int(name)
         raise ArgumentError(f"input = {name!r}: allowed are 0 … {len(self.inputs) - 1}", id="wrong-value")
@@ -310,17 +309,11 @@ def loop(
     require_type("scene", scene, Scene)
     require_callable("control", control)
     if control is not None and scene.drive.kind != "none":
-        raise ArgumentError(
-            f"control: the scene also has a drive, {scene.drive.kind!r}; "
-            "specify only one: scene.varied({'drive': None}) removes the drive",
-            id="both-given",
-        )
+        remedy = "specify only one: scene.varied({'drive': None}) removes the drive"
+        raise ArgumentError(f"control: the scene also has a drive, {scene.drive.kind!r}; {remedy}", id="both-given")
     if control is None and not scene.drive.controls:
-        raise ArgumentError(
-            f"scene: drive kind {scene.drive.kind!r} has no feedback, so there is no loop; use a drive such as 'pd', "
-            "or specify control",
-            id="no-feedback",
-        )
+        why = f"drive kind {scene.drive.kind!r} has no feedback, so there is no loop"
+        raise ArgumentError(f"scene: {why}; use a drive such as 'pd', or specify control", id="no-feedback")
     problem = problem_of(scene)
     q = None if q is None else vector("q", q, problem.chain.n)
     return loop_of(problem, (q, t), control, rate, delay)
@@ -337,10 +330,8 @@ def loop_of(
     periods = delay * rate if control is not None and rate else problem.inputs.drive.delay * problem.inputs.drive.rate
     most = 300  # eigenvalues of 300 states take 0.1 s
     if periods > most:
-        raise ArgumentError(
-            f"delay: {periods:.6g} sampling periods; at most {most}, each of which adds a state; give it in s",
-            id="loop-too-late",
-        )
+        why = f"delay: {periods:.6g} sampling periods; at most {most}, each of which adds a state; give it in s"
+        raise ArgumentError(why, id="loop-too-late")
     q, t = problem.q if about[0] is None else about[0], problem.start if about[1] is None else float(about[1])
     plant = plant_of(problem, q, t, sensors=control is not None and takes_sensors(control))
     drive = problem.inputs.drive
@@ -388,9 +379,6 @@ def _of_springs(chain: Chain, springs: Array) -> str:
         energy[at.link, at.spring] = energy.get((at.link, at.spring), 0.0) + float(springs[k])
     (link, kind), _ = max(energy.items(), key=lambda each: each[1])
     return f"{kind} of {chain.link_names[link - 1]!r}"
-
-
-# The largest stable value of a number on which a loop depends: the first boundary of stability from its own value.
 
 
 STABLE = 1.0 + 1e-6

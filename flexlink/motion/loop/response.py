@@ -43,8 +43,7 @@ class Response:
     """L(ω) of a loop broken at input `i`, computed from a Schur decomposition."""
 
     def __init__(self, plant: OpenLoop, law: LinearLaw, i: int) -> None:
-        A = plant.closed(law, broken=i)
-        T, U = scipy.linalg.schur(A, output="complex")
+        T, U = scipy.linalg.schur(plant.closed(law, broken=i), output="complex")
         self._T, self.period = T, plant.period
         b = np.concatenate([plant.B[:, i], np.zeros(len(law.F))])
         self._b, self._c = U.conj().T @ b, -plant.feedback(law)[i] @ U
@@ -102,8 +101,7 @@ def classical_margins(L: Response, name: str) -> Margins:
 
 def _roots(f: Callable[[float], float], ω: Array, values: Array) -> list[float]:
     """Frequencies between neighbours of opposite sign at which f is zero."""
-    places = np.flatnonzero(values[:-1] * values[1:] < 0)
-    return [_root(f, float(ω[k]), float(ω[k + 1])) for k in places.tolist()]
+    return [_root(f, float(ω[k]), float(ω[k + 1])) for k in np.flatnonzero(values[:-1] * values[1:] < 0).tolist()]
 
 
 def _root(f: Callable[[float], float], a: float, b: float) -> float:

@@ -191,8 +191,7 @@ def page(film: Film, width: int) -> str:
     """Return the HTML page, that is, the template filled with title, data and texts."""
     template = (files("flexlink.results.pictures") / "data" / "player.html").read_text(encoding="utf-8")
     data = json.dumps(data_of(film), ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
-    title = film.name.replace("&", "&amp;").replace("<", "&lt;")
-    parts = {"title": title, "width": str(width), "data": data}
+    parts = {"title": film.name.replace("&", "&amp;").replace("<", "&lt;"), "width": str(width), "data": data}
     # all at once, since a name may contain {{data}}
     return re.sub(r"\{\{(title|width|data)\}\}", lambda part: parts[part[1]], template)
 

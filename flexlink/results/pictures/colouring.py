@@ -81,8 +81,7 @@ def _bending(outline: Outline, placed: tuple[Array, Array], run: RunSamples) -> 
     ends = np.empty((len(outline.pieces), 2, len(p), 3))
     for k, (piece, (before, beyond)) in enumerate(zip(outline.pieces, outline.cuts, strict=True)):
         start = piece.place.p
-        stop = start + piece.length * piece.place.R[:, 0]
-        ends[k] = of(before, piece.body, start), of(beyond, piece.body, stop)
+        ends[k] = of(before, piece.body, start), of(beyond, piece.body, start + piece.length * piece.place.R[:, 0])
     between = np.moveaxis(ends[outline.piece], 2, 0)  # loads at both ends of each station's piece, (frames, s, 2, 3)
     u = outline.part[:, None]
     vectors = (1 - u) * between[:, :, 0] + u * between[:, :, 1]

@@ -158,8 +158,7 @@ class Legend:
         words = [("■ base", BASE), ("○ joint", INK), ("● payload", GREY), ("— path of the tip", TRACE)]
         x, renderer = float(SIDE), self.figure.canvas.get_renderer()
         for text, colour in words if payload else words[:2] + words[3:]:
-            shown = self._text(x, 8, text, color=colour)
-            x += shown.get_window_extent(renderer).width + 12
+            x += self._text(x, 8, text, color=colour).get_window_extent(renderer).width + 12
 
     def _text(self, x: float, y: float, text: str, **style: object) -> Text:
         return self.figure.text(x / self.width, y / self.height, text, **{"fontsize": 8, "color": INK, **style})

@@ -83,8 +83,7 @@ def film_of(run: RunSamples, *, magnify: float, colour: Colour, fps: float, spee
     bent, rest, passive = run.q.copy(), run.chain.rest, np.array([c.link > 0 for c in run.chain.coordinates])
     passive[run.chain.active] = False
     bent[:, passive] = rest[passive] + magnify * (run.q[:, passive] - rest[passive])
-    trace_points = min(len(run.t), 1500)
-    along = np.unique(np.linspace(0, len(run.t) - 1, trace_points).round().astype(int))
+    along = np.unique(np.linspace(0, len(run.t) - 1, min(len(run.t), 1500)).round().astype(int))
     R, p = placed(run, bent[rows])
     outline = outline_of(scene, run.chain)
     true = (R, p) if magnify == 1 else placed(run, run.q[rows])

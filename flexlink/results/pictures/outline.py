@@ -83,8 +83,7 @@ def _order(chain: Chain, body: Whole, piece: Whole, cuts: list[Cuts], ends: int)
     for branch in branches_of(chain):
         order += [-1, branch[0]] if order and order[-1] != -1 else [branch[0]]
         for b, following in pairwise(branch):
-            here = np.flatnonzero(body == b).tolist()
-            order += [count + s for s in here if following - 1 in cuts[piece[s]][1]]
+            order += [count + s for s in np.flatnonzero(body == b).tolist() if following - 1 in cuts[piece[s]][1]]
             order += [*rails.get(following, []), following]
     return np.array(order, dtype=np.int64)
 

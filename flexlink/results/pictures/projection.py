@@ -171,8 +171,7 @@ def floor_of(film: Film) -> Array:
     lines = []
     for across, along in ((0, 1), (1, 0)):
         for k in np.arange(low[across], high[across] + 1):
-            ends = [step * (k * a[across] + m * a[along]) + corner for m in (low[along], high[along])]
-            lines.append(ends)
+            lines.append([step * (k * a[across] + m * a[along]) + corner for m in (low[along], high[along])])
     return np.array(lines)
 
 

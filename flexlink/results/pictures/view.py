@@ -74,9 +74,7 @@ def view_of_motion(chain: Chain, rest: Array, moved: Array) -> View:
 def _axis_name(direction: Array) -> str:
     """Name of the axis of frame 0 along which a direction points, such as x or −y; empty for any other direction."""
     k = int(np.argmax(np.abs(direction)))
-    if abs(direction[k]) < 1 - 1e-6:
-        return ""
-    return f"{'' if direction[k] > 0 else '−'}{'xyz'[k]}"
+    return "" if abs(direction[k]) < 1 - 1e-6 else f"{'' if direction[k] > 0 else '−'}{'xyz'[k]}"
 
 
 def _across(normal: Array, vertical: Array, weighs: bool) -> Array:
