@@ -22,7 +22,6 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
-from flexlink.chain.size import on_elastic_gears
 from flexlink.common.errors import Diagnostic
 from flexlink.common.memo import keep_last
 from flexlink.common.types import Array
@@ -90,7 +89,7 @@ def needs_comparison(monitor: Monitor) -> bool:
 
 
 def _switches(monitor: Monitor) -> bool:
-    """Whether torques jump often, ties have springs, or a rigid model controls elastic gears: errors then add up.
+    """Whether torques jump often, ties have springs, or a rigid model controls springs: errors then add up.
 
     Torques or their derivatives jump where a table changes them, where motors reach their limits, and where steps are
     rejected; this may deceive error estimates. Among 280 runs with motors at their limits that do not turn far, those
@@ -101,7 +100,7 @@ def _switches(monitor: Monitor) -> bool:
     if record.problem.ties is not None and np.isfinite(record.problem.ties[0]["stiffness"]).any():
         return True
     jumps, taken = (len(corners(drive)) if drive.law == TABLE else 0) + steps.rejected, steps.taken
-    if drive.law == COMPUTED_TORQUE and not drive.rate and len(on_elastic_gears(record.chain.arrays)) > 0:
+    if drive.law == COMPUTED_TORQUE and not drive.rate and (record.chain.stiffness > 0.0).any():
         return True
     at_limit = 0.0
     if min(drive.effort.tolist(), default=math.inf) < math.inf:

@@ -25,6 +25,7 @@ from flexlink.motion.inputs.references import constant, reference_arrays
 from flexlink.motion.monitor import step_errors
 from flexlink.results.record import Record
 from tests.conftest import compiled, flexible, make_scene
+from tests.motion.test_ties import fourbar
 from tests.support.words import refused
 
 UP = fl.Mount(rpy_deg=(90.0, 0.0, 0.0))
@@ -363,3 +364,16 @@ def test_gravity_compensation_of_the_bent_arm_follows_the_reference() -> None:
         q[own] = angles
         wanted = fl.gravity_torque(chain, fl.solve_static(chain, q, locked=own.tolist()).q)[own]
         assert np.abs(torque - wanted).max() < 1e-6 * np.abs(found).max()
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-4])
+def test_a_continuous_rigid_model_of_an_arm_that_bends_keeps_its_tolerance(tolerance: float) -> None:
+    """Many iterations fail, as Newton's matrix has no coupled slopes of the law; errors reached 6 tolerances unseen."""
+    reference = {"profile": "quintic", "to_deg": [80.0, -33.0, -116.0], "duration": 0.3}
+    law = {"kind": "computed_torque", "kp": [100.0] * 3, "kd": [20.0] * 3, "reference": reference}
+    bends = {"flex": "z", "segments": 3}
+    scene = fourbar(**bends).varied({"tie": [], "drive": law, "run": {"duration": 0.4, "sample": 0.05}})
+    truth = fl.simulate(scene.varied({"run.method": "DOP853", "run.tolerance": 1e-8}))
+    run = fl.simulate(scene.varied({"run.tolerance": tolerance}))
+    assert run.kept
+    assert np.linalg.norm(run.tip - truth.tip, axis=1).max() < tolerance * run.chain.size
