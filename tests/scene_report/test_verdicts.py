@@ -42,7 +42,7 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Part]:
     """Make the chapter of a scene that lasts 1 s and whose tip travels 1 m, with given errors."""
 
     def of(error: float = 2e-3, steps: float = 1e-4, hinges: int | None = 1, **more: Any) -> Part:
-        scene = SimpleNamespace(run=SimpleNamespace(controlled=more.get("controlled", False), duration=1.0), tie=())
+        scene = SimpleNamespace(run=SimpleNamespace(controlled=more.get("controlled", False), duration=1.0), ties=())
         study = SimpleNamespace(travel=1.0, moves=True, scene=scene)
         run = SimpleNamespace(
             tip=np.zeros((3, 3)), t=np.arange(3.0) / 2, warnings=more.get("warnings", ()), stated=more.get("stated"),
