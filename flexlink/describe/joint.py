@@ -138,7 +138,7 @@ class Joint(Spec, frozen=True):
 class Limits(Spec, frozen=True):
     """Stops at all limits of joints, `joint.limits_deg` and `limits_m`, as ties of kind "stop" named "stop of LINK".
 
-    Joints get none if they are locked, their motion is prescribed, or a tie stops them already.
+    Joints get none if they are locked, a `[[motion]]` moves them, or a tie stops them already.
 
     Examples
     --------

@@ -121,7 +121,7 @@ class Scene(Spec, frozen=True):
     @property
     def ties(self) -> tuple[Tie, ...]:
         """All ties: those of the scene, then the stops that `limits` makes of joint limits."""
-        return (*self.tie, *stops_of(self.limits, self.arm, self.tie, self.motion))
+        return (*self.tie, *stops_of(self.limits, self.arm, self.tie, {motion.link for motion in self.motion}))
 
     @property
     def fluid_density(self) -> float:

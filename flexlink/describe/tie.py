@@ -9,7 +9,6 @@ from typing import Annotated, Literal
 
 from flexlink.common.errors import ArgumentError, Diagnostic, SceneError
 from flexlink.common.wording import both_given, missing, truncated
-from flexlink.describe.actions import PrescribedMotion
 from flexlink.describe.arm import Arm
 from flexlink.describe.directions import unit
 from flexlink.describe.joint import Limits
@@ -228,8 +227,8 @@ class Tie(TieEnd, frozen=True, kw_only=True):
         return (-math.inf, 0.0) if self.only == "pull" else (0.0, math.inf) if self.only == "push" else (-half, half)
 
 
-def stops_of(limits: Limits, arm: Arm, ties: Sequence[Tie], motions: Sequence[PrescribedMotion]) -> Iterator[Tie]:
-    """The stops that `limits` makes of the limits of an arm with these ties and motions.
+def stops_of(limits: Limits, arm: Arm, ties: Sequence[Tie], moved: set[str | int]) -> Iterator[Tie]:
+    """The stops that `limits` makes of the limits of an arm with these ties, except on the links `moved` as given.
 
     Raises
     ------
@@ -238,7 +237,7 @@ def stops_of(limits: Limits, arm: Arm, ties: Sequence[Tie], motions: Sequence[Pr
     """
     if limits == Limits():
         return
-    known = {tie.link for tie in ties if tie.kind == "stop"} | {motion.link for motion in motions}
+    known = {tie.link for tie in ties if tie.kind == "stop"} | moved
     limited = [(link, "_m" if link.joint.terms.unit == "m" else "") for link in arm.links if link.joint.limits]
     for key in ("stiffness", "dissipation", "stiffness_m", "dissipation_m"):
         if getattr(limits, key) and key.endswith("_m") not in {bool(m) for _, m in limited}:
