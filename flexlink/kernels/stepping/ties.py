@@ -186,7 +186,7 @@ def pull(i, t, q, qd, R, work):
     ties, power, s = work.ties, 0.0, len(work.ties.λ)
     find_at(t, q, ties.gap[i], ties, work.chain)
     for k in range(len(ties.rows)):
-        λ, row, v = ties.λ[i, k], ties.rows[k], rate(k, qd, ties)
+        λ, row = ties.λ[i, k], ties.rows[k]
         if ties.law[k] == LAW.held and abs(ties.gap[i, k]) <= 0.1 * CLOSED * ties.size[0]:
             ties.gap[i, k] = 0.0  # its rounding errors over h² would be accelerations
         for j in range(len(q)):
@@ -194,7 +194,7 @@ def pull(i, t, q, qd, R, work):
         if i == 0:
             ties.slope[0, k] = ties.slope[1, k] = 0.0
         if ties.law[k] != LAW.held:
-            g = ties.gap[i, k]
+            g, v = ties.gap[i, k], rate(k, qd, ties)
             by_law, of_g, of_v = multiplier(row, ties.law[k], g, v, ties.moved[0, k])
             ties.gap[i, k] = by_law - λ
             ties.slope[0, k] += of_g / s
