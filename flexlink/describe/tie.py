@@ -25,7 +25,7 @@ KINDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "slider": (("to.axis",), SPRING),
     "distance": ((), (*MOVES, *SPRING, *RANGE)),
     "cylinder": (OIL, (*MOVES, "damping", "rod", "dead_volume", "pressures")),
-    "joint": ((), (*SPRING, "play", "dissipation")),
+    "joint": ((), ("ratio", *SPRING, "play", "dissipation")),
     "stop": (("stiffness",), ("dissipation",)),
 }
 """Required and optional keys of each kind, besides `link` and its point."""
@@ -70,7 +70,8 @@ class Tie(TieEnd, frozen=True, kw_only=True):
     so do the axes, as in a revolute joint.  weld: they coincide, and the link's axes are those of `to`, turned by
     `to.rpy_deg`.  slider: the point is on the line through `to` along `to.axis`.
     distance: the points keep the distance `length`, as at the ends of a rod without mass; with `times` and `lengths` it
-    moves.  joint: the joint of the link stays at 0.  stop: the joint stays within its limits.
+    moves.  joint: the joint of the link stays at 0, or with `to.link` moves by `ratio` times the joint of that link.
+    stop: the joint stays within its limits.
 
     cylinder: a distance with oil on both sides of the piston, full at `length`, closed, and pumped to follow `lengths`:
     p = p₀ + β ln(V(l) / V(l + g)) in each chamber, p₀ its `pressures`, β the `bulk_modulus`; at 0 absolute it is empty.
@@ -97,6 +98,8 @@ class Tie(TieEnd, frozen=True, kw_only=True):
     """Name of the tie, for messages."""
     kind: Literal["point", "hinge", "weld", "slider", "distance", "cylinder", "joint", "stop"]
     """What the tie holds: points, points and axes, a point on a line, the distance of points, or a joint."""
+    ratio: float | None = None
+    """For joints of `link` and `to.link`: position of the first per position of the second, as of gears. Default: 1."""
     length: Annotated[Positive | None, measured_in("m")] = None
     """For a distance or cylinder: the distance [m]."""
     times: Annotated[tuple[float, ...] | None, measured_in("s")] = None
@@ -135,16 +138,19 @@ class Tie(TieEnd, frozen=True, kw_only=True):
             raise missing("link", "give the link of the tie")
         needs, may = KINDS[self.kind]
         oil = (*OIL, "rod", "dead_volume", "pressures")
-        for key in ("axis", "to.axis", "rpy_deg", "to.rpy_deg", *MOVES, *oil, *SPRING, *RANGE):
+        for key in ("axis", "to.axis", "rpy_deg", "to.rpy_deg", "ratio", *MOVES, *oil, *SPRING, *RANGE):
             value = operator.attrgetter(key)(self)
             if key in needs and value is None:
                 raise missing(key, f"kind {self.kind!r} needs it")
             if value and value != (0.0, 0.0) and key not in (*needs, *may):
                 raise self._wrong(key, value, f"kind {self.kind!r} takes {', '.join((*needs, *may))}")
         if self.on_joint:
-            for key, value in (("x", self.x), ("point", self.point), ("to", None if self.to == TieEnd() else self.to)):
+            known = (TieEnd(), TieEnd(link=self.to.link))[: 1 + (self.kind == "joint")]
+            for key, value in (("x", self.x), ("point", self.point), ("to", None if self.to in known else self.to)):
                 if value is not None:
                     raise self._wrong(key, value, f"kind {self.kind!r} is on the joint of link; leave it out")
+            if self.ratio is not None and self.to.link is None:
+                raise self._refused("ratio", "needs a second joint; give to.link", "needs-another-key")
         elif self.to.link is None and self.to.point is None:
             raise missing("to.point", "give the point of frame 0 [m], or to.link")
         self._check_length()
@@ -286,7 +292,7 @@ def tie_mistakes(ties: Sequence[Tie], arm: Arm) -> Iterator[Diagnostic]:
                     yield Diagnostic(f"{above}.{beyond}", beyond.id)
         if tie.on_joint and numbers:
             joint = arm.links[numbers[0] - 1].joint
-            if joint.locked:
+            if any(arm.links[number - 1].joint.locked for number in numbers):
                 yield Diagnostic(f"{path}: its joint is locked; a tie needs a free joint", "tie-of-locked-joint")
             elif tie.kind == "stop" and joint.limits is None:
                 text = f"{path}: the joint of link {truncated(tie.link)} has no limits; give {joint.limits_key}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -15,7 +16,7 @@ from flexlink.common.errors import ArgumentError, FlexlinkError, SingularMassErr
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.describe.run_settings import ForwardSolver
-from flexlink.dynamics.batches import about_state, is_batch, rows
+from flexlink.dynamics.batches import about_state, each, is_batch, rows
 from flexlink.dynamics.bound import Bound, bound, same
 from flexlink.dynamics.forces import all_torques, world_wrench, world_wrenches
 from flexlink.kernels.bodies.plane import planar_workspace
@@ -101,6 +102,19 @@ def forward_dynamics(
 def accelerations(chain: Chain, solver: str = "articulated") -> Bound:
     """Forward dynamics of a chain by a solver, a function of (wrench, q, qd, tau, qdd)."""
     return solver_for(chain, solver).bound(chain.arrays)
+
+
+def released(chain: Chain) -> Chain:
+    """The chain with prescribed joints that move by forces."""
+    hinges = chain.hinges.copy()
+    hinges["prescribed"] = 0
+    return dataclasses.replace(chain, hinges=hinges)
+
+
+def accelerations_under(tau: Array, chain: Chain, q: Array, qd: Array, wrench: Array) -> Array:
+    """q̈ (samples, n) under torques that include those of prescribed motions, and tip wrenches (samples, 6)."""
+    # state by state: the batched function takes seconds to compile, and its results are identical bit for bit
+    return each(forward_dynamics, released(chain), {"q": q, "qd": qd, "tau": tau}, tip_wrench=wrench)
 
 
 def base_without_rates(chain: Chain, q: ArrayLike) -> FlexlinkError | None:

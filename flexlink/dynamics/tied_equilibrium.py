@@ -37,7 +37,7 @@ def tied_equilibrium(
     passes, largest, settled = 200, 0.1, 1e-12  # Newton steps; largest and last change of a coordinate [rad, m]
     start, still = q, np.zeros(chain.n)
     λ = np.zeros(len(ties[0]))
-    B = basis(chain, np.setdiff1d(np.arange(chain.n), held))
+    B = basis(chain, np.setdiff1d(chain.free, held))
     exact, follower = np.isinf(ties[0]["stiffness"]), turns_with_tip(frame)
     for _ in range(passes):
         g, J, _ = gaps(ties, chain, q, t)

@@ -7,6 +7,7 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array, Indices
 from flexlink.describe.scene import Scene
+from flexlink.dynamics.accelerations import accelerations_under
 from flexlink.dynamics.free_motion import basis
 from flexlink.dynamics.loads import InternalLoads, loads_of_bodies
 from flexlink.dynamics.result import read_only
@@ -31,7 +32,7 @@ def tied_acceleration(ties: Ties, chain: Chain, t: float, q: Array, qd: Array, q
     rows, lengths = ties
     g, J, moves = gaps(ties, chain, q, t)
     (λ, _), held = springs(ties, t, g, J @ qd + moves), np.isinf(rows["stiffness"])
-    B = basis(chain, np.arange(chain.n))
+    B = basis(chain, chain.free)
     Y = B @ np.linalg.solve(B.T @ mass_matrix(chain, q) @ B, B.T @ J.T)
     qdd = qdd - Y @ λ
     if held.any():
@@ -42,6 +43,15 @@ def tied_acceleration(ties: Ties, chain: Chain, t: float, q: Array, qd: Array, q
         λ[held] = np.linalg.lstsq((J @ Y)[np.ix_(held, held)], (J @ qdd + bent)[held], rcond=1e-10)[0]
         qdd = qdd - Y[:, held] @ λ[held]
     return qdd, λ
+
+
+def add_torques_of_ties(ties: Ties, chain: Chain, t: Array, q: Array, qd: Array, tau: Array, wrench: Array) -> None:
+    """Add M (q̈ − q̈⁰) + Jᵀ λ at prescribed joints to `tau` (samples, n), the torques that their motions need for q̈⁰."""
+    free = accelerations_under(tau, chain, q, qd, wrench)
+    tied = tied_motion(ties, chain, t, q, qd, free)
+    for now, angles, moves, torque, qdd, λ in zip(t.tolist(), q, free, tau, *tied, strict=True):
+        more = mass_matrix(chain, angles) @ (qdd - moves) + gaps(ties, chain, angles, now)[1].T @ λ
+        torque[chain.held] += more[chain.held]
 
 
 def tied_loads(ties: Ties, chain: Chain, motion: tuple[Array, Array, Array], wrench: Array, λ: Array) -> InternalLoads:

@@ -20,7 +20,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.sensor import Sensor
 from flexlink.describe.tie import Tie, TieEnd, refuse_ties
-from flexlink.dynamics.free_motion import all_motions, basis
+from flexlink.dynamics.free_motion import basis
 from flexlink.kernels.geometry.kinematics import forward_kinematics, kinematics_workspace
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.inputs.record import MotionTable, no_motion
@@ -48,7 +48,6 @@ def tie_rows(scene: Scene, chain: Chain) -> Ties | None:
         return None
     sampled, reference = scene.drive.rate is not None, scene.drive.reference
     for there, what in (
-        (scene.motion, "[[motion]]"),
         (reference is not None and reference.follows == "tip", "drive.reference.follows = 'tip'"),
         # without a rate, Newton's matrix lacks the law's slopes, which stiff loops need
         (scene.drive.kind == "computed_torque" and not sampled, "drive.kind = 'computed_torque' without drive.rate"),
@@ -98,7 +97,12 @@ def _rows_of(tie: Tie, scene: Scene, chain: Chain) -> Rows:
         _fill(rows, tie)
     if tie.on_joint:
         k = scene.arm.number(tie.link or 0)
-        rows["kind"], rows["a"] = KIND.joint, chain.index(k, 0, 0)
+        rows["kind"], rows["a"], rows["b"] = KIND.joint, chain.index(k, 0, 0), -1
+        if tie.to.link is not None:
+            rows["b"], rows["ratio"] = chain.index(scene.arm.number(tie.to.link), 0, 0), tie.ratio or 1.0
+        if chain.held[[j for j in (rows["a"][0], rows["b"][0]) if j >= 0]].all():
+            text = f"tie.{tie.name}: the motion of its joint is prescribed; leave the tie out"
+            raise SceneError(text, id="tie-of-locked-joint")
         if tie.kind == "stop":
             hinge = chain.hinges[rows["a"][0]]
             rows["low"], rows["high"] = hinge["lower"], hinge["upper"]
@@ -179,7 +183,7 @@ def independent_rows(scene: Scene, chain: Chain, q: Array) -> list[int]:
     ties = tie_rows(scene, chain)
     if ties is None:
         return []
-    J, ranks = gaps(ties, chain, q, scene.initial.time)[1] @ all_motions(chain), [0]
+    J, ranks = gaps(ties, chain, q, scene.initial.time)[1] @ basis(chain, chain.free), [0]
     exact = np.isinf(ties[0]["stiffness"])
     for _, own in rows_by_tie(scene.ties):
         held = np.flatnonzero(exact[: own.stop])
@@ -190,7 +194,8 @@ def independent_rows(scene: Scene, chain: Chain, q: Array) -> list[int]:
 def closed(ties: Ties, chain: Chain, q: Array, qd: Array, t: float) -> tuple[Array, Array]:
     """The state near q, q̇ (n,) in which all exact ties are closed; a warning names the joint that moved most.
 
-    The driven joints and free joints move; springs only if these are not enough. Hinges with shapes keep to them.
+    The driven joints and free joints move; springs only if these are not enough; prescribed joints never. Hinges with
+    shapes keep to them.
 
     Raises
     ------
@@ -203,7 +208,7 @@ def closed(ties: Ties, chain: Chain, q: Array, qd: Array, t: float) -> tuple[Arr
     start, near = q.copy(), CLOSED * chain.size
     found = [part[held] for part in gaps(ties, chain, q, t)]
     far = np.abs(found[0]).max()
-    ways = [basis(chain, moving) for moving in (chain.active, np.arange(chain.n))]
+    ways = [basis(chain, np.intersect1d(moving, chain.free)) for moving in (chain.active, chain.free)]
     for B in ways:
         q = start.copy()
         for _ in range(PASSES):

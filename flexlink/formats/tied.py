@@ -14,6 +14,7 @@ which is the stiffest that MuJoCo allows for a time step h. As J̇ q̇ is missin
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -70,7 +71,7 @@ def add_ties(root: ET.Element, chain: Chain, scene: Scene, *, timestep: float) -
         if tie.kind == "distance" and tie.stiffness is None and not moves[first]:
             refuse_ties([tie], "no joint changes its length at zero angles, by which MuJoCo scales its force")
         if tie.on_joint:
-            _on_joint(root, tie, rows[0], joints[rows["a"][0]])
+            _on_joint(root, tie, rows[0], joints)
         else:
             _on_points(root, bodies, tie, rows, length[first], -g[first])
 
@@ -83,13 +84,17 @@ def _bodies(root: ET.Element, chain: Chain, bare: Chain) -> dict[int, ET.Element
     return {-1: root.find("worldbody")} | {k: found.get(name) for k, name in enumerate(names)}
 
 
-def _on_joint(root: ET.Element, tie: Tie, row: np.void, joint: str) -> None:
+def _on_joint(root: ET.Element, tie: Tie, row: np.void, joints: Sequence[str]) -> None:
     """Add a tie on a joint."""
     if tie.stiffness is None:
-        _new(root, "equality", "joint", tie.name, joint1=joint, polycoef="0 0 0 0 0")
+        others = {} if row["b"] < 0 else {"joint2": joints[row["b"]]}
+        coefficients = decimals([0, row["ratio"], 0, 0, 0])
+        _new(root, "equality", "joint", tie.name, joint1=joints[row["a"]], **others, polycoef=coefficients)
     else:
         tendon = _new(root, "tendon", "fixed", tie.name, **_spring(tie, row["low"], row["high"]))
-        ET.SubElement(tendon, "joint", joint=joint, coef="1")
+        for end, by in (("a", 1.0), ("b", -row["ratio"])):
+            if row[end] >= 0:
+                ET.SubElement(tendon, "joint", joint=joints[row[end]], coef=decimals([by]))
 
 
 def _on_points(

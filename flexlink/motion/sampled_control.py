@@ -18,11 +18,11 @@ from flexlink.describe.numbers import multiples, parts, whole
 from flexlink.describe.plausibility.sizes import hint_if_outside
 from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.schemes.methods import method
-from flexlink.describe.tie import refuse_ties
 from flexlink.dynamics.accelerations import solver_for
 from flexlink.dynamics.conserved import Energy
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.dynamics.sensors.instrument import Readings
+from flexlink.dynamics.tied_motion import add_torques_of_ties
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.runge_kutta import integrate, stage
@@ -271,7 +271,6 @@ def control_of(
             id="controller-needs-rate",
         )
     if takes_sensors(law):
-        refuse_ties(scene.ties, "laws that read sensors do not support ties")
         if not scene.sensor:
             raise ArgumentError(
                 "control: has the parameter sensors, but the scene has no [[sensor]]; add one", id="no-sensors"
@@ -316,4 +315,6 @@ def sample_at(problem: InitialValueProblem, inputs: Inputs, t: float, q: Array, 
         scratch = solver_for(chain, problem.run.solver).workspace(chain.arrays)
         loads = None if inputs.loads is None else inputs.loads.holding(wrench[0], chain.arrays)
         prescribed_torques(scratch, inputs._replace(wrench=wrench[0], loads=loads), *states, tau)
+        if problem.ties is not None:
+            add_torques_of_ties(problem.ties, chain, *states, tau, wrench)
     return RunSamples(chain, *states, tau, tip, Energy(*energy), tip_wrench=wrench, scene=problem.scene)

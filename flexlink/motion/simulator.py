@@ -16,7 +16,6 @@ from flexlink.common.types import Array
 from flexlink.common.wording import short_list
 from flexlink.describe.numbers import parts, whole
 from flexlink.describe.scene import Scene
-from flexlink.describe.tie import refuse_ties
 from flexlink.dynamics.sensors.instrument import Readings
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.motion.adaptive_steps import AdaptiveSteps
@@ -76,8 +75,6 @@ class Simulator:
         run = require_type("scene", scene, Scene).run
         self._scene = scene if run.duration else scene.varied({"run.duration": run.spacing})
         self.chain = lump(open_chain(scene))
-        if scene.sensor:
-            refuse_ties(scene.ties, "a Simulator with sensors does not support ties")
         self._held = held_torques(
             self.chain, np.zeros(1), np.zeros((1, len(self.chain.active))), effort_of(scene, self.chain)
         )

@@ -54,17 +54,19 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     numbers[STEPPER.read] = read_by(method)[1]
     own, forces = (None, None) if arrays.rare is None else (np.zeros((2, n)), forces_of(arrays))
     springs = Springs(kp, kd, own, kick, np.zeros((n, width)), *np.zeros((2, n)))
+    inverse = planar_workspace(*arrays) if chain.is_planar else rne_workspace(arrays)
     saturation = Saturation(*(gain.copy() for gain in gains[:2]), *np.zeros((5, n)))
     if method.explicit:
         coefficients = EmbeddedMethod(*method.arrays, method.error, *(method.dense or (None, None, None)))
         K, L = np.zeros((2, s + 1 + method.more_stages, n))
         Q, tau = np.zeros((2, n))
         e = np.zeros((2, n))
+        of_ties = ties_of(record, 1, 1, 0)
         powers = 0 if method.dense is None else method.dense[2].shape[2]
         return EmbeddedWork(
             coefficients, arrays, record.scratch, posture, numbers, new, K, L, np.zeros(len(K)),
             np.zeros((2, powers, n)), np.zeros(powers), Q, tau, e, springs, saturation, forces,
-            *((ties_of(record, 1, 1, 0), np.zeros((1, n, width)), np.zeros((VECTOR.size, n))) if record.tied else ()),
+            *((of_ties, np.zeros((1, n, width)), np.zeros((VECTOR.size, n)), inverse) if record.tied else ()),
         )  # fmt: skip
     r, p = len(method.modes.real), len(method.modes.complex)
     # largest number of joints, since the cost of the small matrix grows as (stages · joints)³; few fixed steps need it
@@ -79,8 +81,7 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     numbers[STEPPER.turning] = 4.0 if with_error and len(turning.joints) == len(turning.dry) else 0.0
     postures = stage_postures(chain, s, posture)
     return ImplicitWork(
-        coefficients_of(method), arrays, planar_workspace(*arrays) if chain.is_planar else rne_workspace(arrays),
-        forces, posture, numbers, new,
+        coefficients_of(method), arrays, inverse, forces, posture, numbers, new,
         np.zeros((6, s, n)), np.zeros(s), np.zeros((VECTOR.size, n)), springs, saturation,
         np.zeros((r, n, width)), np.zeros((2, n), complex), np.zeros((p, n, width), complex),
         postures, np.zeros((s, n, width)), turning, ties_of(record, s, r, p),

@@ -156,6 +156,11 @@ class Record:
     def _prescribe(self, rows: slice) -> None:
         t, q, qd, tau = (part[rows] for part in self.samples[:4])
         prescribed_torques(self.scratch, self.inputs, t, q, qd, tau)
+        if self.problem.ties is not None:
+            from flexlink.dynamics.tied_motion import add_torques_of_ties  # noqa: PLC0415  few scenes have ties
+
+            wrench = self.inputs.tip_wrenches(t, q, qd)
+            add_torques_of_ties(self.problem.ties, self.chain, t, q, qd, tau, wrench)
 
     def work(self, rows: slice) -> Array:
         """Work done up to these samples [J]: the integrated work plus f·(p − p(0)) of a constant force f on the tip."""

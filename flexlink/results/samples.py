@@ -19,7 +19,6 @@ from flexlink.common.types import Array
 from flexlink.common.wording import did_you_mean, plural
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
-from flexlink.dynamics.batches import each
 from flexlink.dynamics.conserved import Energy, Momentum
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.result import Result, read_only
@@ -242,14 +241,10 @@ class RunSamples(Result):
 
     def _untied(self) -> Array:
         """Accelerations of the chain without its ties."""
-        from flexlink.dynamics.accelerations import forward_dynamics  # noqa: PLC0415
+        from flexlink.dynamics.accelerations import accelerations_under  # noqa: PLC0415
 
-        hinges = self.chain.hinges.copy()
-        hinges["prescribed"] = 0  # `tau` contains the torque that a prescribed motion requires
-        free = dataclasses.replace(self.chain, hinges=hinges)
-        # state by state: the batched function takes seconds to compile, and its results are identical bit for bit
-        given: dict[str, Any] = {"q": self.q, "qd": self.qd, "tau": self.drive_torques}
-        return read_only(each(forward_dynamics, free, given, tip_wrench=self.tip_wrench))
+        found = accelerations_under(self.drive_torques, self.chain, self.q, self.qd, self.tip_wrench)
+        return read_only(found)
 
     @functools.cached_property
     def _ties(self) -> Ties | None:
@@ -262,10 +257,11 @@ class RunSamples(Result):
     @functools.cached_property
     def _tied(self) -> tuple[Array, Array]:
         """Accelerations (samples, n), and multipliers of all rows of ties (samples, r)."""
+        from flexlink.dynamics.accelerations import released  # noqa: PLC0415
         from flexlink.dynamics.tied_motion import tied_motion  # noqa: PLC0415
 
         assert self._ties is not None
-        return tied_motion(self._ties, self.chain, self.t, self.q, self.qd, self._untied())
+        return tied_motion(self._ties, released(self.chain), self.t, self.q, self.qd, self._untied())
 
     @functools.cached_property
     def tie_forces(self) -> Mapping[str, Array]:

@@ -106,6 +106,22 @@ def test_the_difference_of_a_run_in_mujoco_falls_with_the_square_of_its_step() -
     assert fine < coarse / 3 < 1e-6
 
 
+@pytest.mark.parametrize("stiffness", [None, 300.0])
+def test_joints_in_a_ratio_are_those_of_a_file(stiffness: float | None) -> None:
+    scene = two_links(
+        {"name": "pair", "kind": "joint", "link": "l2", "ratio": -2.5, "to": {"link": "l1"}, "stiffness": stiffness}
+    )
+    model = mujoco.MjModel.from_xml_string(fl.to_mjcf(fl.lump(open_chain(scene)), ties=scene))
+    data, g = mujoco.MjData(model), 0.1
+    data.qpos[:] = 0.2, g - 2.5 * 0.2
+    mujoco.mj_forward(model, data)
+    if stiffness is None:
+        np.testing.assert_allclose(data.efc_J.reshape(-1, 2), [[2.5, 1.0]], atol=1e-15)
+        np.testing.assert_allclose(data.efc_pos, [g], atol=1e-15)
+    else:
+        np.testing.assert_allclose(data.qfrc_spring, [-2.5 * stiffness * g, -stiffness * g], rtol=1e-12)
+
+
 def two_links(*ties: dict, **second: object) -> fl.Scene:
     return arm({"length": 0.4}, {"length": 0.5, **second}, ties=list(ties), start=[20.0, -50.0])
 

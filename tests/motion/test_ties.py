@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from pinocchio import rnea
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
 import flexlink as fl
@@ -21,6 +22,7 @@ from flexlink.cli.main import main
 from flexlink.describe.scene import scene_from
 from flexlink.dynamics.ties import gaps, tie_rows
 from flexlink.kernels.geometry.kinematics import forward_kinematics
+from flexlink.kernels.stepping.tie_rows import KIND, TIE
 from flexlink.robots.importing import import_urdf
 from tests.campaigns.random_ties import judged
 from tests.support.loops import Loop, places, undriven
@@ -55,9 +57,20 @@ def rod(**more: object) -> dict:
     return {"name": "pin", "kind": "distance", "link": "l3", "to": {"point": [1.1, 0.0, 0.0]}, **more}
 
 
+def gear(link: str, **more: object) -> dict:
+    return {"name": "gear", "kind": "joint", "link": link, **more}
+
+
 def fourbar(**bends: object) -> fl.Scene:
     lengths = ({"length": length, **bends} for length in (0.4, 1.0, 0.8))
     return arm(*lengths, ties=[pin("l3", 1.1, 0.0, 0.0)], start=[60.0, -33.03, -116.34])
+
+
+def unaccelerated(chain: fl.Chain) -> np.ndarray:
+    """Rows by which the motions of prescribed joints, which must have constant rates, become multipliers."""
+    rows = np.zeros(np.count_nonzero(chain.held), TIE)
+    rows["kind"], rows["a"], rows["b"] = KIND.joint, np.flatnonzero(chain.held), -1
+    return rows
 
 
 def checked(scene: fl.Scene, most: float = 3.0, law: Callable = lambda *_: undriven) -> fl.Trajectory:
@@ -65,7 +78,10 @@ def checked(scene: fl.Scene, most: float = 3.0, law: Callable = lambda *_: undri
     problem = fl.Problem(scene)
     chain, ties = problem.chain, tie_rows(scene, problem.chain)
     run = problem.simulate()
-    loop, held = Loop(chain, ties[0]), scene.drive.rate and np.arange(0.0, run.t[-1], 1.0 / scene.drive.rate)
+    loop, held = (
+        Loop(chain, np.concatenate([ties[0], unaccelerated(chain)])),
+        scene.drive.rate and np.arange(0.0, run.t[-1], 1.0 / scene.drive.rate),
+    )
     truth = loop.run(run.q[0], run.qd[0], run.t, law(scene, loop), held=held)
     off = np.linalg.norm(places(chain, run.q) - places(chain, truth), axis=2).max()
     assert off <= most * run.stated.allowed
@@ -107,6 +123,35 @@ def test_drives_with_a_model_move_a_loop_as_in_another_engine(law: dict, more: d
     move = {"profile": "quintic", "to_deg": [75.0, -40.0, -120.0], "duration": 0.3}
     scene = fourbar(**BENDS).varied({"drive": law | {"target_deg": None, "reference": move}, **more})
     assert np.ptp(checked(scene.varied({"run.tolerance": tolerance}), law=control).q[:, 0]) > 0.2
+
+
+@pytest.mark.parametrize("method", ["Radau5", "DOP853"])
+@pytest.mark.parametrize(
+    "bends", [{}, BENDS, {"flex": "z", "modes": 2, "segments": 7}], ids=["rigid", "hinges", "modes"]
+)
+def test_a_prescribed_joint_moves_a_loop_as_in_another_engine(bends: dict, method: str) -> None:
+    """The torque of its motion does the work that the energy shows, in the samples and in the steps."""
+    ends = {"times": [0.0, 0.4], "angle_deg": [60.0, 108.0], "rate_deg": [120.0, 120.0], "acceleration_deg": [0.0, 0.0]}
+    moved = {"motion": [{"link": "l1", **ends}], "initial.rate_deg": [120.0, 0.0, 0.0], "run.method": method}
+    strict = {"run.tolerance": 1e-6, "run.sample": 0.0125, "run.duration": 0.2, "run.outputs": ["torques"]}
+    run = checked(fourbar(**bends).varied(moved | strict))
+    np.testing.assert_allclose(np.degrees(run.q[:, 0]), 60.0 + 120.0 * run.t, rtol=0, atol=1e-10)
+    E = run.energy.kinetic + run.energy.gravity + run.energy.elastic
+    np.testing.assert_allclose(run.work, E - E[0], rtol=0, atol=1e-4)
+    if not bends:
+        power = (run.tau * run.qd).sum(axis=1)
+        np.testing.assert_allclose(CubicSpline(run.t, power).antiderivative()(run.t), E - E[0], rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
+def test_joints_move_in_their_ratio_as_in_another_engine(tolerance: float) -> None:
+    pair = gear("l2", ratio=-2.5, to={"link": "l1"})
+    scene = arm({"length": 0.4, **BENDS}, {"length": 0.5}, ties=[pair], start=[20.0, -50.0])
+    run = checked(scene.varied({"run.tolerance": tolerance}))
+    first, second = run.chain.active
+    np.testing.assert_allclose(run.q[:, second], -2.5 * run.q[:, first], rtol=0, atol=1e-12)
+    near = fl.simulate(scene.varied({"tie.gear.stiffness": 1e7, "tie.gear.damping": 1e3}), tolerance=1e-7)
+    assert np.linalg.norm(near.tip - run.tip, axis=1).max() <= 1e-4 + tolerance
 
 
 def test_a_hinge_with_a_redundant_row_holds_as_two_points_do() -> None:
@@ -538,12 +583,34 @@ def test_an_accelerometer_on_a_loop_feels_what_differences_of_the_motion_show() 
     np.testing.assert_allclose(run.readings["s [m/s²]"][1:-1], felt, atol=1e-3)
 
 
+def test_a_law_and_a_simulator_read_sensors_of_a_loop() -> None:
+    """A law that reads an accelerometer and drives nothing reads what the run's sensor shows, also behind a motion."""
+    feel = {"name": "s", "kind": "accelerometer", "link": "l2", "axis": [1, 0, 0]}
+    motor = {"name": "motor", "kind": "torque", "link": "l1"}
+    scene = fourbar().varied({"run.sample": 0.01, "run.duration": 0.1, "sensor": [feel, motor], "run.tolerance": 1e-6})
+    ends = {"times": [0.0, 1.0], "angle_deg": [60.0, 90.0], "rate_deg": [0, 0], "acceleration_deg": [900.0, 0]}
+    for each in (scene, scene.varied({"motion": [{"link": "l1", **ends}]})):
+        seen: list[dict] = []
+
+        def law(_t: float, _q: np.ndarray, _qd: np.ndarray, sensors: dict, seen: list = seen) -> list[float]:
+            seen.append(dict(sensors))
+            return [0.0, 0.0, 0.0]
+
+        run = fl.simulate(each, control=law, rate=100.0)
+        simulator = fl.Simulator(each)
+        simulator.step([0.0, 0.0, 0.0], duration=0.1)
+        for name, readings in run.readings.items():
+            np.testing.assert_allclose([values[name] for values in seen], readings[: len(seen)], rtol=0, atol=1e-4)
+            assert simulator.readings[name] == pytest.approx(readings[-1], abs=1e-4)
+        assert (abs(run.readings["motor [N m]"]).min() > 1e-3) == bool(each.motion)
+
+
 @pytest.mark.parametrize(
     ("change", "id"),
     [
         ({"tie.pin.to.point": [3.0, 0.0, 0.0]}, "ties-open"),
         ({"run": {"duration": 1.0, "step": 0.01, "method": "Gauss4"}}, "method-with-ties"),
-        ({"motion": [{"link": "l1", **AT_REST}], "drive": {}}, "ties-not-supported"),
+        ({"motion": [{"link": "l1", **AT_REST}], "tie": [gear("l1")]}, "tie-of-locked-joint"),
         ({"drive": {**HELD, "target_deg": None, "reference": TIP}}, "ties-not-supported"),
         ({"drive": HELD | {"kind": "computed_torque"}}, "ties-not-supported"),
         ({"tie.pin.kind": "hinge"}, "missing-key"),
@@ -562,8 +629,10 @@ def test_an_accelerometer_on_a_loop_feels_what_differences_of_the_motion_show() 
         ({"tie": [rod(times=[0.1, 1.0], lengths=[1.0, 1.1])]}, "first-time"),
         ({"tie": [rod()]}, "missing-key"),
         ({"tie": [{"name": "stop", "kind": "stop", "link": "l1", "stiffness": 1e3}]}, "stop-without-limits"),
-        ({"tie": [{"name": "s", "kind": "joint", "link": "l1", "to": {"link": "l2"}}]}, "key-of-another-kind"),
-        ({"tie": [{"name": "s", "kind": "joint", "link": "l1"}], "link.l1.joint.locked": True}, "tie-of-locked-joint"),
+        ({"tie": [gear("l1", to={"link": "l2", "x": 0.1})]}, "key-of-another-kind"),
+        ({"tie": [gear("l1", ratio=2.0)]}, "needs-another-key"),
+        ({"tie": [gear("l1")], "link.l1.joint.locked": True}, "tie-of-locked-joint"),
+        ({"tie": [gear("l2", to={"link": "l1"})], "link.l1.joint.locked": True}, "tie-of-locked-joint"),
         ({"limits.stiffness": 1e3}, "no-effect"),
         ({"limits.stiffness_m": 1e3, "link.l1.joint.limits_deg": [0, 90]}, "no-effect"),
         ({"limits.dissipation": 0.1, "link.l1.joint.limits_deg": [0, 90]}, "missing-key"),
@@ -581,15 +650,7 @@ def test_mistakes_and_what_ties_do_not_allow_are_refused(change: dict, id: str) 
 def test_all_other_functions_refuse_a_scene_with_ties() -> None:
     scene = fourbar()
     run = fl.simulate(scene)
-    sensing = scene.varied({"sensor": [{"name": "s", "kind": "joint", "link": "l1"}]})
-
-    def law(_t: float, _q: np.ndarray, _qd: np.ndarray, sensors: dict) -> list[float]:
-        return [0.0, 0.0, 0.0]
-
-    for call in (
-        lambda: fl.lump(scene), lambda: fl.advise(scene), lambda: fl.compare(scene),
-        lambda: fl.Simulator(sensing), lambda: fl.simulate(sensing, control=law, rate=100.0),
-    ):  # fmt: skip
+    for call in (lambda: fl.lump(scene), lambda: fl.advise(scene), lambda: fl.compare(scene)):
         with refused(fl.FlexlinkError, "ties-not-supported"):
             call()
     assert fl.lump(open_chain(scene)).n == run.chain.n

@@ -105,7 +105,10 @@ class Loop:
         for row, (one, other) in zip(self.rows, self.ends, strict=True):
             if row["kind"] == KIND.joint:
                 k = self.order[row["a"]]
-                found.append((q[k], np.eye(self.chain.n)[k], 0.0))
+                J = np.eye(self.chain.n)[k]
+                if row["b"] >= 0:
+                    J[self.order[row["b"]]] = -row["ratio"]
+                found.append((J @ q, J, 0.0))
                 continue
             for end in (one, other):
                 key = end[0], end[1].tobytes()

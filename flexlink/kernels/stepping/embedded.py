@@ -61,9 +61,10 @@ class EmbeddedWork(NamedTuple):
     springs: Any  # see `error_norm`
     saturation: Any  # see `saturation`
     forces: Any  # force elements; None for a plain chain
-    ties: Any = None  # see `ties`; None, like the next two: an open chain
+    ties: Any = None  # see `ties`; None, like the next three: an open chain
     factors: Any = None  # (1, n, 8) of M
     vectors: Any = None  # scratch of `ties`, as in `implicit_layout`
+    inverse: Any = None
 
 
 @recursion

@@ -12,10 +12,11 @@ from flexlink.kernels.tools.vec3 import add, apply, dot, scale, sub, vector
 KIND = numbered("point distance joint")
 TIE = np.dtype(
     [
-        ("kind", np.int64), ("a", np.int64), ("b", np.int64),  # bodies; −1: frame 0; or the number of a coordinate
+        ("kind", np.int64), ("a", np.int64), ("b", np.int64),  # bodies; −1: frame 0; or coordinates; −1: none
         ("point_a", np.float64, (3,)), ("point_b", np.float64, (3,)),  # in axes of the bodies [m]
         ("along", np.float64, (3,)),  # u in axes of body b
         ("length", np.float64),  # l, if constant [m]
+        ("ratio", np.float64),  # r of two coordinates
         ("stiffness", np.float64), ("damping", np.float64),  # k, inf: held [N/m, N m/rad]; d [N s/m, N m s/rad]
         ("low", np.float64), ("high", np.float64),  # free range [m, rad]; equal: none
         ("dissipation", np.float64),  # c [s/m, s/rad]
@@ -52,6 +53,9 @@ def find_rows(chain, rows, length, q, placed, g, J):
             J[k, j] = 0.0
         if row.kind == KIND.joint:
             g[k], J[k, row.a] = q[row.a], 1.0
+            if row.b >= 0:
+                g[k] -= row.ratio * q[row.b]
+                J[k, row.b] = -row.ratio
             continue
         a, b = place(row.a, row.point_a, placed), place(row.b, row.point_b, placed)
         apart, with_b = sub(a, b), b

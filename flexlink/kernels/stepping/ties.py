@@ -4,7 +4,7 @@
 
     POINT      g = u · (p_a − p_b)       along a direction u of body b, or of frame 0
     DISTANCE   g = |p_a − p_b| − l(t)    a rod, a cable, a cylinder
-    JOINT      g = q_a                   a coordinate
+    JOINT      g = q_a − r q_b           a coordinate; with b, two that move in the ratio r
 
 The law of a row gives λ. A row is held, or a spring with damper; with a free range, low < g < high, it is a spring
 beyond the range, whose losses grow with the depth δ (Hunt & Crossley 1975):
@@ -45,6 +45,9 @@ The work of all forces contains the energy E that springs store, as a function o
 import math
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from flexlink.kernels.bodies.inverse import inverse_dynamics_into
 from flexlink.kernels.forward.mass_plus import factor, place_bodies, shift_cells, solve
 from flexlink.kernels.forward.mass_plus_cells import FACTORS
 from flexlink.kernels.inputs.drive_torque import follow
@@ -124,6 +127,29 @@ def rate(k, qd, ties):
     return v
 
 
+@inlined
+def rate_by_motions(k, qd, work):
+    """The part of ġ of row k that prescribed joints cause, against which their torques do work."""
+    v = 0.0
+    for j in range(len(qd)):
+        if work.chain.hinges[j].prescribed:
+            v += work.ties.J[k, j] * qd[j]
+    return v
+
+
+@recursion
+def power_of_motions(q, qd, qdd, work):
+    """Power of prescribed joints against inertia and gravity."""
+    any_given, power, torque = False, 0.0, work.vectors[VECTOR.rhs]
+    for k in range(len(q)):
+        any_given = any_given or work.chain.hinges[k].prescribed
+    if any_given:
+        inverse_dynamics_into(work.chain, np.zeros(6), q, qd, qdd, torque, work.inverse)
+        for k in range(len(q)):
+            power += qd[k] * torque[k] if work.chain.hinges[k].prescribed else 0.0
+    return power
+
+
 @recursion
 def energy(g, ties):
     """Energy stored in all springs by the laws of the step [J]."""
@@ -193,6 +219,7 @@ def pull(i, t, q, qd, R, work):
             R[j] -= ties.J[k, j] * λ
         if i == 0:
             ties.slope[0, k] = ties.slope[1, k] = 0.0
+        power += λ * rate_by_motions(k, qd, work)
         if ties.law[k] != LAW.held:
             g, v = ties.gap[i, k], rate(k, qd, ties)
             by_law, of_g, of_v = multiplier(row, ties.law[k], g, v, ties.moved[0, k])
@@ -395,10 +422,12 @@ def pull_back(τ, δ, factors, posture, ties):
 def accelerate(t, q, qd, qdd, work):
     """Add the springs to q̈ by the laws of the step, and change it such that g̈ = 0 for held rows, by Jᵀ λ alone.
 
-    Returns the power beside that of E. J̇ q̇ is a central difference along q̇, of a relative error of about 1e-10.
+    Returns the power beside that of E, and what it changes of the power of prescribed joints. J̇ q̇ is a central
+    difference along q̇, of a relative error of about 1e-10.
     """
     ties, n, r, x = work.ties, len(q), len(work.ties.rows), work.vectors[VECTOR.solution]
-    fastest, power, g, near, Y = 0.0, 0.0, ties.gap[0], ties.off[0], ties.real.Y[0]
+    fastest, power, g = 0.0, -power_of_motions(q, qd, qdd, work), ties.gap[0]
+    near, Y = ties.off[0], ties.real.Y[0]
     for k in range(n):
         fastest = max(fastest, abs(qd[k]))
         work.factors[0, k, FACTORS.A] = work.chain.hinges[k].armature
@@ -423,6 +452,7 @@ def accelerate(t, q, qd, qdd, work):
         if law != LAW.held:
             λ, ties.slope[0, k], ties.slope[1, k] = multiplier(row, law, near[k], v, ties.moved[0, k])
             power += power_beside(row, law, near[k], v, λ, ties.moved[0, k], ties.moved[1, k])
+            power += λ * rate_by_motions(k, qd, work)
             for j in range(n):
                 qdd[j] -= λ * Y[k, j]
     for k in range(r):
@@ -431,8 +461,9 @@ def accelerate(t, q, qd, qdd, work):
             g[k] += ties.J[k, j] * qdd[j]
     move_by(g, qdd, ties)
     for k in range(r):
-        power -= ties.real.μ[k] * ties.moved[1, k]  # of held rows; springs have no part in this system
-    return power
+        μ = ties.real.μ[k]  # of held rows; springs have no part in this system
+        power += μ * (rate_by_motions(k, qd, work) - ties.moved[1, k])
+    return power + power_of_motions(q, qd, qdd, work)
 
 
 @recursion
