@@ -99,7 +99,7 @@ class Scene(Spec, frozen=True):
             lambda: checks.check_base(arm, initial, drive),
             lambda: checks.check_wrench(arm, self.wrench),
             lambda: spec.raise_together(sensor_mistakes(self.sensor, arm)),
-            lambda: spec.raise_together(tie_mistakes(self.ties, arm)),
+            lambda: spec.raise_together(tie_mistakes(self.ties, arm, self.sensor)),
         ])  # fmt: skip
 
     def _check_air(self) -> None:

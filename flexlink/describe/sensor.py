@@ -18,7 +18,7 @@ from flexlink.describe.joint_units import OF_JOINT
 from flexlink.describe.link import Link
 from flexlink.describe.spec import LARGE, SMALL, Deviation, NonNegative, Positive, Spec, Vector3, link_key, measured_in
 
-Kind = Literal["strain", "accelerometer", "gyroscope", "joint", "torque", "current", "position"]
+Kind = Literal["strain", "accelerometer", "gyroscope", "joint", "torque", "current", "position", "force", "pressure"]
 """Measured quantity of a sensor."""
 KINDS: dict[str, tuple[tuple[str, ...], tuple[str, ...], str]] = {
     "strain": (("x", "fibre"), (), "1"),
@@ -28,9 +28,12 @@ KINDS: dict[str, tuple[tuple[str, ...], tuple[str, ...], str]] = {
     "joint": ((), (), ""),
     "torque": ((), (), ""),
     "current": (("torque_constant",), (), "A"),
+    "force": (("tie",), (), "N"),
+    "pressure": (("tie",), (), "Pa"),
 }
 """Required keys, optional keys, and unit of the signal of each kind; "" if the unit depends on the joint."""
 ON_A_BASE = ("accelerometer", "gyroscope", "position")  # kinds that may be attached to a base that floats
+ON_A_TIE = ("force", "pressure")  # kinds that are attached to a tie
 OF_THE_DRIVE = ("joint", "torque", "current")  # kinds that are attached to a link's joint
 
 
@@ -45,6 +48,8 @@ class Sensor(Spec, frozen=True):
     [m]" and so on.
     joint: angle or position of the link's joint; with an elastic gear, of the motor.  torque: T_EX of its drive, or the
     torque required by its motion, if that is given.  current: T_EX / `torque_constant`.
+    force: force of a tie between points, > 0 where it pulls; its magnitude, if it acts in several directions.
+    pressure: pressures of a cylinder on the bore side and the rod side, in two columns.
 
     The signal u is processed in this order: u(t − delay), `filter` or `low_pass`, times `gain`, plus `bias` and its
     random walk, sampling at times k / `rate` with hold, added noise, rounding to multiples of `resolution`.
@@ -63,10 +68,12 @@ class Sensor(Spec, frozen=True):
     """Name of the sensor and of its columns, followed by the unit in brackets."""
     kind: Kind
     """Measured quantity: strain, acceleration minus gravity, angular velocity, position of a point, joint angle or
-    position, drive torque, or motor current."""
-    link: str | int
+    position, drive torque, motor current, force or pressures of a tie."""
+    link: str | int = ""
     """Link that carries the sensor, by name or number from 1, or "base" if the base floats; for joint, torque and
-    current, the link whose joint is measured."""
+    current, the link whose joint is measured. None for force and pressure."""
+    tie: str | None = None
+    """For force and pressure: name of the tie."""
     x: Annotated[NonNegative | None, measured_in("m")] = None
     """Position along the link's beam, from the beam's root [m]. Default: the end of the link."""
     point: Annotated[Vector3 | None, measured_in("m")] = None
@@ -108,14 +115,16 @@ class Sensor(Spec, frozen=True):
     """Seed of the noise and of the bias walk, which depend only on the seed and the sensor's name. Default: 0."""
 
     def __post_init__(self) -> None:
-        of_kinds = ("x", "point", "fibre", "axis", "torque_constant")
+        of_kinds = ("tie", "x", "point", "fibre", "axis", "torque_constant")
         super().__post_init__()
         self._check_name()
+        self._check_link()
         needs, may, _ = KINDS[self.kind]
         for key in of_kinds:
             value = getattr(self, key)
             if value is None and key in needs:
                 forms = {"x": "x [m] from the root", "fibre": "fibre = [y, z] [m] in the section"}
+                forms["tie"] = "the name of a tie"
                 wanted = " and ".join(forms.get(each, f"{each} [N m/A]") for each in needs)
                 raise missing(key, f"kind {self.kind!r} needs {wanted}")
             if value is not None and key not in (*needs, *may):
@@ -140,6 +149,13 @@ class Sensor(Spec, frozen=True):
             raise both_given("low_pass", self.low_pass, "filter")
         if self.low_pass is not None:
             Filter(low_pass=self.low_pass, order=self.order, damping=self.damping)  # checks order and damping
+
+    def _check_link(self) -> None:
+        """Check that the sensor is on a link or on a tie."""
+        if not self.link and self.kind not in ON_A_TIE:
+            raise missing("link", f"kind {self.kind!r} needs it")
+        if self.link and self.kind in ON_A_TIE:
+            raise self._refused("link", f"kind {self.kind!r} takes tie", "key-of-another-kind")
 
     def _check_name(self) -> None:
         """Check that the name, which identifies columns, is valid and not used for another column of runs."""
@@ -188,7 +204,9 @@ class Sensor(Spec, frozen=True):
 
     @property
     def components(self) -> tuple[str, ...]:
-        """Suffix of the sensor's name in each of its columns: " x", " y", " z", or "" for a single column."""
+        """Suffix of the sensor's name in each of its columns, such as " x", " y", " z", or "" for a single column."""
+        if self.kind == "pressure":
+            return " bore", " rod"
         return ("",) if not self.sees_points or self.axis is not None else (" x", " y", " z")
 
     def columns(self, slides: bool = False) -> tuple[str, ...]:
@@ -208,13 +226,14 @@ def column_names(sensors: Sequence[Sensor], arm: Arm) -> tuple[str, ...]:
 
 
 def sensor_mistakes(sensors: Sequence[Sensor], arm: Arm) -> Iterator[Diagnostic]:
-    """Report sensors that cannot be used on this arm, and duplicate names."""
+    """Report sensors that cannot be used on this arm, and duplicate names; ties check their own sensors."""
     names = [sensor.name for sensor in sensors]
     for k, sensor in enumerate(sensors):
         path = f"sensor.{link_key(names, k)}"
         if names.index(sensor.name) < k:
             yield Diagnostic(f"{path}.name = {sensor.name!r}: names of sensors must differ", "name-twice")
-        yield from (Diagnostic(f"{path}.{wrong}", wrong.id) for wrong in _misfits(sensor, arm))
+        if sensor.kind not in ON_A_TIE:
+            yield from (Diagnostic(f"{path}.{wrong}", wrong.id) for wrong in _misfits(sensor, arm))
 
 
 def _misfits(sensor: Sensor, arm: Arm) -> Iterator[Diagnostic]:

@@ -118,3 +118,39 @@ def test_wrong_cylinders_are_refused(change: dict, id: str) -> None:
         boom(PRELOADED).varied({f"tie.lift.{key}": value for key, value in change.items()})
     with refused(fl.errors.SceneError, "ties-not-supported"):
         fl.to_mjcf(fl.lump(boom(PRELOADED).varied({"tie": []})), ties=boom(PRELOADED))
+
+
+def test_sensors_read_the_force_and_the_pressures_that_act_on_the_boom() -> None:
+    """F = A_rod p_rod − A_bore p_bore + d ġ; a second gauge is in bar and slow; a law reads what the run shows."""
+    pin = {"name": "pin", "kind": "force", "tie": "lift"}
+    oil = {"name": "oil", "kind": "pressure", "tie": "lift"}
+    slow = oil | {"name": "slow", "gain": 1e-5, "unit": "bar", "low_pass": 5.0}
+    fixed = {"lengths": None, "times": None, "damping": 0.0, "length": length(np.radians(-10.0))[0]}
+    scene = boom(PRELOADED, sensor=[pin, oil, slow]).varied({f"tie.lift.{key}": each for key, each in fixed.items()})
+    seen: list[dict] = []
+
+    def law(_t: float, _q: np.ndarray, _qd: np.ndarray, sensors: dict) -> list[float]:
+        seen.append(dict(sensors))
+        return [0.0]
+
+    run = fl.simulate(scene, control=law, rate=100.0)
+    bore, rod = (run.readings[f"oil {side} [Pa]"] for side in ("bore", "rod"))
+    np.testing.assert_allclose(np.transpose([bore, rod]), run.pressures["lift"])
+    np.testing.assert_allclose(run.readings["pin [N]"], A @ [-bore, rod], rtol=1e-9)
+    assert np.ptp(run.readings["slow bore [bar]"]) < 0.8e-5 * np.ptp(bore)
+    for name in ("pin [N]", "oil bore [Pa]"):
+        np.testing.assert_allclose([each[name] for each in seen], run.readings[name][::5][: len(seen)], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "id"),
+    [
+        ({"kind": "force", "tie": "other"}, "unknown-tie"), ({"kind": "force"}, "missing-key"),
+        ({"kind": "pressure", "tie": "stop"}, "unknown-tie"), ({"kind": "strain", "tie": "lift"}, "missing-key"),
+        ({"kind": "force", "tie": "lift", "link": "l1"}, "key-of-another-kind"),
+        ({"kind": "gyroscope", "tie": "lift", "link": "l1"}, "key-of-another-kind"),
+    ],
+)  # fmt: skip
+def test_sensors_that_a_tie_does_not_have_are_refused(sensor: dict, id: str) -> None:
+    with refused(fl.errors.SceneError, id):
+        boom(PRELOADED, sensor=[{"name": "s", **sensor}])

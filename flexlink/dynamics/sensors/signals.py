@@ -30,6 +30,11 @@ def signal_of(sensor: Sensor, scene: Scene, run: Samples) -> Array:
     """Ideal signal of a sensor at the samples of a run, in SI units and radians, shape (columns, samples)."""
     if sensor.kind == "strain":
         return gauge_strain(sensor, scene, run.q)[None]
+    if sensor.kind == "pressure":
+        return np.asarray(run.pressures[sensor.tie].T)
+    if sensor.kind == "force":
+        force = run.tie_forces[sensor.tie]
+        return np.asarray(force if force.ndim == 1 else np.linalg.norm(force, axis=1))[None]
     if sensor.kind in OF_THE_DRIVE:
         k = joint_of(sensor, run.chain, scene)
         seen: Array = run.q if sensor.kind == "joint" else run.tau
