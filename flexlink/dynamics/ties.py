@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
@@ -20,7 +21,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.sensor import Sensor
 from flexlink.describe.tie import Tie, TieEnd, refuse_ties
-from flexlink.dynamics.free_motion import basis
+from flexlink.dynamics.free_motion import all_motions, basis
 from flexlink.kernels.geometry.kinematics import forward_kinematics, kinematics_workspace
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.inputs.record import MotionTable, no_motion
@@ -168,6 +169,22 @@ def gaps(ties: Ties, chain: Chain, q: Array, t: float = 0.0) -> tuple[Array, Arr
     follow(lengths, t, *moved)
     find_rows(chain.arrays, rows, moved[0], q, kinematics_workspace(chain.arrays), g, J)
     return g, J, -moved[1]
+
+
+def acting(ties: Ties, chain: Chain) -> Ties:
+    """The ties without exact rows that cannot open: no motion changes them, or others of constant length imply them.
+
+    In a planar arm these are all rows across its plane, and a hinge's second point. The others imply a row if its J is
+    the same sum of theirs at two postures of no special kind.
+    """
+    rows, lengths = ties
+    constant = np.setdiff1d(np.flatnonzero(np.isinf(rows["stiffness"])), lengths.joints)
+    J = np.hstack([gaps(ties, chain, f(np.arange(1.0, chain.n + 1)))[1] @ all_motions(chain) for f in (np.sin, np.cos)])
+    parts = J[constant] / np.maximum(np.linalg.norm(J[constant], axis=1, keepdims=True), 1e-300)
+    R, order = scipy.linalg.qr(parts.T, mode="r", pivoting=True) if len(constant) else (np.zeros((0, 0)), constant)
+    implied = constant[order[np.count_nonzero(np.abs(np.diag(R)) > 1e-9) :]]
+    left = np.setdiff1d(np.arange(len(rows)), implied[: len(rows) - 1])
+    return rows[left], lengths._replace(joints=np.searchsorted(left, lengths.joints))
 
 
 def springs(ties: Ties, t: float, g: Array, gd: Array) -> tuple[Array, Array]:

@@ -13,6 +13,7 @@ from flexlink.common.types import Array, Indices
 from flexlink.describe.schemes.methods import Method
 from flexlink.dynamics import rounding
 from flexlink.dynamics.floating_base import FAR
+from flexlink.dynamics.ties import acting
 from flexlink.dynamics.vibration.extremes import Posture, scratch
 from flexlink.kernels.bodies.plane import planar_workspace
 from flexlink.kernels.bodies.rne import rne_workspace
@@ -93,7 +94,7 @@ def ties_of(record: Record, s: int, real: int, pairs: int) -> Ties | None:
     given, chain = record.problem.ties, record.chain
     if given is None:
         return None
-    rows, lengths = given
+    rows, lengths = acting(given, chain)
     r, n = len(rows), chain.n
     λ, last, gap = np.zeros((3, s, r))
     J, middle = np.zeros((2, r, n))

@@ -56,6 +56,7 @@ from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.stepping.tie_rows import (
     LAW,
     find_rows,
+    is_held,
     law_of,
     multiplier,
     other_law,
@@ -161,8 +162,12 @@ def energy(g, ties):
 
 @recursion
 def choose_laws(t, q, qd, work):
-    """Find the laws at the start of a step, and the energy that springs store there."""
-    ties, g = work.ties, work.ties.gap[0]
+    """Find the laws at the start of a step, and the energy that springs store there; held rows have one law."""
+    ties, g, springs = work.ties, work.ties.gap[0], 0
+    for row in ties.rows:
+        springs += not is_held(row)
+    if springs == 0:
+        return
     find_at(t, q, g, ties, work.chain)
     ties.ranges[1] = 0
     for k in range(len(ties.rows)):
