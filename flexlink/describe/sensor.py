@@ -33,7 +33,6 @@ KINDS: dict[str, tuple[tuple[str, ...], tuple[str, ...], str]] = {
 }
 """Required keys, optional keys, and unit of the signal of each kind; "" if the unit depends on the joint."""
 ON_A_BASE = ("accelerometer", "gyroscope", "position")  # kinds that may be attached to a base that floats
-ON_A_TIE = ("force", "pressure")  # kinds that are attached to a tie
 OF_THE_DRIVE = ("joint", "torque", "current")  # kinds that are attached to a link's joint
 
 
@@ -152,9 +151,9 @@ class Sensor(Spec, frozen=True):
 
     def _check_link(self) -> None:
         """Check that the sensor is on a link or on a tie."""
-        if not self.link and self.kind not in ON_A_TIE:
+        if not self.link and not self.on_tie:
             raise missing("link", f"kind {self.kind!r} needs it")
-        if self.link and self.kind in ON_A_TIE:
+        if self.link and self.on_tie:
             raise self._refused("link", f"kind {self.kind!r} takes tie", "key-of-another-kind")
 
     def _check_name(self) -> None:
@@ -203,6 +202,11 @@ class Sensor(Spec, frozen=True):
         return self.kind in ON_A_BASE
 
     @property
+    def on_tie(self) -> bool:
+        """Whether the sensor is on a tie, and not on a link."""
+        return "tie" in KINDS[self.kind][0]
+
+    @property
     def components(self) -> tuple[str, ...]:
         """Suffix of the sensor's name in each of its columns, such as " x", " y", " z", or "" for a single column."""
         if self.kind == "pressure":
@@ -232,7 +236,7 @@ def sensor_mistakes(sensors: Sequence[Sensor], arm: Arm) -> Iterator[Diagnostic]
         path = f"sensor.{link_key(names, k)}"
         if names.index(sensor.name) < k:
             yield Diagnostic(f"{path}.name = {sensor.name!r}: names of sensors must differ", "name-twice")
-        if sensor.kind not in ON_A_TIE:
+        if not sensor.on_tie:
             yield from (Diagnostic(f"{path}.{wrong}", wrong.id) for wrong in _misfits(sensor, arm))
 
 

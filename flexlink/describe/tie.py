@@ -13,7 +13,7 @@ from flexlink.describe.arm import Arm
 from flexlink.describe.directions import unit
 from flexlink.describe.joint import Limits
 from flexlink.describe.numbers import require_increasing
-from flexlink.describe.sensor import ON_A_TIE, Sensor, beyond_beam
+from flexlink.describe.sensor import Sensor, beyond_beam
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, link_key, measured_in
 
 SPRING, RANGE = ("stiffness", "damping"), ("play", "only", "dissipation")
@@ -277,7 +277,7 @@ def tie_mistakes(ties: Sequence[Tie], arm: Arm, sensors: Sequence[Sensor]) -> It
     """Report ties that do not fit the arm, duplicate names, and sensors of ties that do not have their signal."""
     for sensor in sensors:
         able = [tie.name for tie in ties if not tie.on_joint and (sensor.kind == "force" or tie.kind == "cylinder")]
-        if sensor.kind in ON_A_TIE and sensor.tie not in able:
+        if sensor.on_tie and sensor.tie not in able:
             text = f"sensor.{sensor.name}.tie = {sensor.tie!r}: expected a tie"
             text += " between points" if sensor.kind == "force" else " of kind 'cylinder'"
             yield Diagnostic(f"{text}: {', '.join(map(repr, able)) or 'there is none'}", "unknown-tie")

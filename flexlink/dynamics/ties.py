@@ -100,7 +100,10 @@ def _rows_of(tie: Tie, scene: Scene, chain: Chain) -> Rows:
         k = scene.arm.number(tie.link or 0)
         rows["kind"], rows["a"], rows["b"] = KIND.joint, chain.index(k, 0, 0), -1
         if tie.to.link is not None:
-            rows["b"], rows["ratio"] = chain.index(scene.arm.number(tie.to.link), 0, 0), tie.ratio or 1.0
+            rows["b"], rows["ratio"] = (
+                chain.index(scene.arm.number(tie.to.link), 0, 0),
+                1.0 if tie.ratio is None else tie.ratio,
+            )
         if chain.held[[j for j in (rows["a"][0], rows["b"][0]) if j >= 0]].all():
             text = f"tie.{tie.name}: the motion of its joint is prescribed; leave the tie out"
             raise SceneError(text, id="tie-of-locked-joint")

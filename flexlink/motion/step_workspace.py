@@ -102,12 +102,13 @@ def ties_of(record: Record, s: int, real: int, pairs: int) -> Ties | None:
         Answers(*(np.zeros(shape, kind) for shape in ((p, r, n), (p, r, r), (p, r, r), (p, r), r, r, n)))
         for p, kind in ((real, float), (pairs, complex), (1, float))
     )
-    ranges = np.array([np.count_nonzero((rows["low"] < rows["high"]) | (rows["bulk"] > 0)), 0])
-    law = np.where(np.isinf(rows["stiffness"]), LAW.held, LAW.free)
+    held, ranges = np.isinf(rows["stiffness"]), (rows["low"] < rows["high"]) | (rows["bulk"] > 0)
+    numbers = np.array([np.count_nonzero(ranges), 0, np.count_nonzero(~held), np.count_nonzero(chain.held)])
+    law = np.where(held, LAW.held, LAW.free)
     return Ties(
-        rows, np.array([chain.size]), ranges, lengths, np.zeros((3, r)), law, np.full(r, np.nan),
+        rows, np.array([chain.size]), numbers, lengths, np.zeros((3, r)), law, np.full(r, np.nan),
         λ, last, gap, np.zeros((2, r)), np.zeros(2), np.zeros((2, r)), kinematics_workspace(chain.arrays), J, middle,
-        of_real, of_pairs, again, np.zeros(r),
+        of_real, of_pairs, again, np.zeros(r), np.zeros(6),
     )  # fmt: skip
 
 

@@ -34,9 +34,10 @@ from flexlink.common.types import Array
 from flexlink.common.wording import short_list, truncated
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Vector3
+from flexlink.describe.tie import Tie, TieEnd
 from flexlink.dynamics.vibration.modal import natural_frequencies
 from flexlink.robots.assembly import assembled
-from flexlink.robots.flexible import FlexibleLink, payload, rounded_down, slender_mass
+from flexlink.robots.flexible import FlexibleLink, ImportedLink, payload, rounded_down, slender_mass
 from flexlink.robots.kinematic_tree import Mimic, Robot, TreeJoint, finite
 from flexlink.robots.paths import Part, Paths, along, folded, paths
 from flexlink.robots.robot_file import acts, read_robot
@@ -174,7 +175,17 @@ def import_urdf(
     lent = [f"{part.link}: has no <inertial>; its mass is that of {short_list(part.folded)}: check it" for part in bare]
     doubts = [*robot.doubts, *(Diagnostic(text, "no-mass") for text in lent), *(p.warning for p in parts if p.warning)]
     warnings = [*doubts, *odd, *(note for note in following if note not in carried), *_offers(robot, way, armature)]
-    return ImportResult(scene, way, largest, tuple(notes), tuple(warnings))
+    return ImportResult(_with_ties(scene, way, parts), way, largest, tuple(notes), tuple(warnings))
+
+
+def _with_ties(scene: Scene, way: Paths, parts: Sequence[ImportedLink]) -> Scene:
+    """The scene with a tie on each joint that follows another."""
+    links = {part.joint.name: one.link.name for part, one in zip(way.parts, parts, strict=True)}
+    ties = [
+        Tie(name=name, kind="joint", link=links[name], to=TieEnd(link=links[rule.leader]), ratio=rule.multiplier)
+        for name, rule in way.followers.items()
+    ]
+    return scene.varied({"tie": ties}) if ties else scene
 
 
 def _check_links(way: Paths, flexible: Mapping[str, FlexibleLink]) -> None:
@@ -220,9 +231,12 @@ def _notes(robot: Robot, way: Paths, stated: set[str], lifeless: tuple[str, ...]
         if part.folded:
             text = f"{part.link}: includes {short_list(part.folded)}, which do not move relative to it"
             yield Diagnostic(text, "link-folded")
-        if start and name not in stated:
+        if start and name not in stated and name not in way.followers:
             begins = f"starts at {start:.4g} {'rad' if part.joint.turns else 'm'}"
             yield Diagnostic(f"{name}: {begins}, the middle of its limits, which exclude 0", "joint-start")
+        if name in way.followers:
+            leader, ratio = way.followers[name].leader, way.followers[name].multiplier
+            yield Diagnostic(f"{name}: moves by {ratio:g} times {leader}, held by a tie", "mimic-tied")
         if part.joint.limits is None and part.joint.kind != "continuous":
             yield Diagnostic(f"{name}: the file gives no limits", "limits-equal")
         lower, upper = part.joint.limits or (0.0, 1.0)

@@ -12,7 +12,7 @@ from flexlink.chain.arguments import require_one_of
 from flexlink.chain.rigid import HERE, Pose, SpatialInertia
 from flexlink.common.errors import ArgumentError
 from flexlink.common.wording import short_list, truncated
-from flexlink.robots.kinematic_tree import Robot, TreeJoint, check_stated, positions_of
+from flexlink.robots.kinematic_tree import Mimic, Robot, TreeJoint, check_stated, positions_of
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,6 +46,7 @@ class Paths:
     held: tuple[str, ...]  # movable joints that are fixed and affect the arm: before the base, or within one part
     # of a floating base: the frame of its link in the root's frame, its body, and the links that are part of it
     free_base: tuple[Pose, SpatialInertia, tuple[str, ...]] | None = None
+    followers: Mapping[str, Mimic] = dataclasses.field(default_factory=dict)  # joints of parts that follow another part
 
     @functools.cached_property
     def _tips_on(self) -> dict[int, list[tuple[int, Tip]]]:
@@ -88,7 +89,8 @@ def paths(
 ) -> Paths:  # fmt: skip
     """Find the moving parts of a robot; arguments are as in `import_urdf`, `still` names other fixed joints.
 
-    With a tip, the joints on the path to it move; without one, all joints beyond the base except mimicking joints.
+    With a tip, the joints on the path to it move; without one, all joints beyond the base except mimicking joints. The
+    position of a joint that follows one of them begins at the offset of its rule.
     """
     base = robot.root if base is None else _link(robot, "base", base)
     check_stated(robot, posture, locked)
@@ -106,21 +108,29 @@ def paths(
             why = f"locked: joint {truncated(name)} is not {span}; put it into posture"
             raise ArgumentError(why, id="unknown-joint")
     loose = [joint for joint in way if joint.moves and joint.name not in locked and joint.name not in still]
-    for joint in loose:
-        if joint.mimic is None or tips is not None:
-            _check_fit(joint, span)
     free = {joint.name: None for joint in loose if joint.mimic is None}
+    rules = {joint.name: robot.rule(joint, locked) for joint in loose if joint.mimic is not None and tips is not None}
+    followers = {name: rule for name, rule in rules.items() if rule.leader in free and rule.multiplier}
+    for joint in loose:
+        if joint.name not in followers and (joint.mimic is None or tips is not None):
+            _check_fit(joint, span)
+    free |= dict.fromkeys(followers)
     ways = {span: way} if tips is None else {f"between {base!r} and {end!r}": robot.path(base, end) for end in tips}
     for where, one in ways.items():
         if not any(joint.name in free for joint in one or []):
             raise ArgumentError(f"no movable joint {where}; the arm needs at least one", id="no-movable-joint")
     positions = positions_of(robot, {**posture, **locked})
     place = along(robot.path(robot.root, base) or [], positions)
+    for k, joint in enumerate(way):
+        if joint.name in followers:
+            way[k] = _from_offset(joint, offset := followers[joint.name].offset)
+            positions[joint.name] -= offset
     parts, places = _parts(robot, way, free, positions, {base: (0, HERE if free_base else place)})
     stems, moving = {part.parent for part in parts}, {joint.name for joint in loose}
     ends = tips or [robot.outward(part.link, moving)[-1] for k, part in enumerate(parts, 1) if k not in stems]
     floating = (place, *folded(robot, base, free, positions)) if free_base else None
-    found = Paths(base, tuple(Tip(end, *places[end]) for end in ends), parts, positions, (), floating)
+    tipped = tuple(Tip(end, *places[end]) for end in ends)
+    found = Paths(base, tipped, parts, positions, (), floating, followers)
     return dataclasses.replace(found, held=_held(robot, found))
 
 
@@ -159,6 +169,12 @@ def _check_fit(joint: TreeJoint, span: str) -> None:
         remedy = f"lock it, for example with --locked {joint.name}=0.0{'' if joint.turns else ' (m)'}"
         why = f"{where} mimics {truncated(joint.mimic.leader)}; it cannot move by itself: {remedy}"
         raise ArgumentError(why, id="mimic")
+
+
+def _from_offset(joint: TreeJoint, offset: float) -> TreeJoint:
+    """The joint with positions measured from an offset."""
+    limits = joint.limits and (joint.limits[0] - offset, joint.limits[1] - offset)
+    return dataclasses.replace(joint, origin=joint.pose(offset), limits=limits)
 
 
 def _parts(

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.integrate import solve_ivp
 
 import flexlink as fl
 from flexlink.cli.main import main
@@ -94,6 +95,36 @@ def fingers(tmp_path: Path, names: str = "abc") -> Path:
 def coupled(path: Path) -> pin.Model:
     """Pinocchio's model of the hand, with one coordinate."""
     return pin.buildModelFromUrdf(str(path), mimic=True)
+
+
+@pytest.mark.parametrize("slides", [False, True])
+def test_a_follower_on_the_path_moves_by_a_tie_as_in_pinocchio(slides: bool, tmp_path: Path) -> None:
+    """A palletizer's hand keeps its attitude; the truth has one coordinate less."""
+    joints = [("upper", "base", "revolute", ""), ("fore", "upper", "prismatic" if slides else "revolute", "upper")]
+    random = np.random.default_rng(3)
+    parts, place = [link(name, random) for name in ("base", "upper", "fore", "hand")], "0.5 0.1 0"
+    for name, parent, kind, leader in [*joints, ("hand", "fore", "revolute", "")]:
+        rule = f'<mimic joint="to_{leader}" multiplier="-0.7" offset="0.3"/>' if leader else ""
+        ends = f'<parent link="{parent}"/><child link="{name}"/><axis xyz="0 1 0.2"/><origin xyz="{place}"/>'
+        limit = '<limit lower="-2" upper="3" effort="1" velocity="1"/>'
+        parts.append(f'<joint name="to_{name}" type="{kind}">{ends}{limit}{rule}</joint>')
+    path = saved(tmp_path, f'<robot name="arm">{"".join(parts)}</robot>', "arm")
+    found = fl.import_urdf(path, tip="hand", posture={"to_upper": 0.4})
+    reviewed("import: mimic-tied", line(str(found), "to_fore: moves by"))
+    run = fl.simulate(found.scene, duration=0.5, sample=0.1, tolerance=1e-8)
+    np.testing.assert_allclose(run.q[:, 1], -0.7 * run.q[:, 0], rtol=0, atol=1e-12)
+    model = coupled(path)
+    data = model.createData()
+
+    def rates(_t: float, y: np.ndarray) -> np.ndarray:
+        M = pin.crba(model, model.createData(), y[:2])  # which adds to the matrix of old data
+        M = np.triu(M) + np.triu(M, 1).T
+        return np.concatenate([y[2:], np.linalg.solve(M, -pin.nonLinearEffects(model, data, y[:2], y[2:]))])
+
+    truth = solve_ivp(rates, (0.0, 0.5), [0.4, 0.0, 0.0, 0.0], t_eval=run.t, rtol=1e-11, atol=1e-12).y
+    np.testing.assert_allclose(run.q[:, [0, 2]].T, truth[:2], rtol=0, atol=1e-6)
+    pin.framesForwardKinematics(model, data, truth[:2, -1])
+    np.testing.assert_allclose(run.tip[-1], data.oMf[model.getFrameId("hand")].translation, atol=1e-6)
 
 
 def test_followers_on_a_fixed_base_move_with_their_leader(tmp_path: Path) -> None:

@@ -255,7 +255,7 @@ WRONG = {
     "tip": ({"tip": "P8"}, "unknown-name", ("'p8'",)),
     "turned round": ({"base": "p8", "tip": "p1"}, "unknown-link", ("base = 'p8'",)),
     "no tip": ({"tip": []}, "unknown-link", ("tip = []",)),
-    "following": ({"tip": "c2"}, "mimic", ("'d2'", "'p0'", "'c2'", "'b2'")),
+    "following": ({"tip": "c2", "locked": {"b2": 0.0}}, "mimic", ("'d2'", "'p0'", "'c2'", "'b2'")),
     "no joints": ({"base": "p1", "tip": "p2"}, "no-movable-joint", ("'p1'", "'p2'")),
     "unknown joint": ({"posture": {"j99": 0.0}}, "unknown-name", ("posture = 'j99'",)),
     "fixed": ({"posture": {"j2": 0.0}}, "joint-type-in-file", ("posture: ", "'j2'")),

@@ -45,8 +45,6 @@ The work of all forces contains the energy E that springs store, as a function o
 import math
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from flexlink.kernels.bodies.inverse import inverse_dynamics_into
 from flexlink.kernels.forward.mass_plus import factor, place_bodies, shift_cells, solve
 from flexlink.kernels.forward.mass_plus_cells import FACTORS
@@ -56,7 +54,6 @@ from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.stepping.tie_rows import (
     LAW,
     find_rows,
-    is_held,
     law_of,
     multiplier,
     other_law,
@@ -92,7 +89,7 @@ class Ties(NamedTuple):
 
     rows: Any  # (r,) TIE
     size: Any  # (1,) of the arm [m]
-    ranges: Any  # (2,) number of rows with a free range, and of those that press in this step
+    ranges: Any  # (4,) rows with a free range; those that press in this step; rows with a spring; prescribed joints
     lengths: Any  # l(t) of rows whose length moves, as `follow` reads it
     moved: Any  # (3, r) l, l̇, l̈ of these rows; 0: others
     law: Any  # (r,) LAW of each row in this step
@@ -110,6 +107,7 @@ class Ties(NamedTuple):
     pairs: Answers  # for the complex eigenvalues
     again: Answers  # for one other matrix
     used: Any  # (r,)
+    no_wrench: Any  # (6,) zeros
 
 
 @inlined
@@ -141,11 +139,9 @@ def rate_by_motions(k, qd, work):
 @recursion
 def power_of_motions(q, qd, qdd, work):
     """Power of prescribed joints against inertia and gravity."""
-    any_given, power, torque = False, 0.0, work.vectors[VECTOR.rhs]
-    for k in range(len(q)):
-        any_given = any_given or work.chain.hinges[k].prescribed
-    if any_given:
-        inverse_dynamics_into(work.chain, np.zeros(6), q, qd, qdd, torque, work.inverse)
+    power, torque = 0.0, work.vectors[VECTOR.rhs]
+    if work.ties.ranges[3] > 0:
+        inverse_dynamics_into(work.chain, work.ties.no_wrench, q, qd, qdd, torque, work.inverse)
         for k in range(len(q)):
             power += qd[k] * torque[k] if work.chain.hinges[k].prescribed else 0.0
     return power
@@ -163,10 +159,8 @@ def energy(g, ties):
 @recursion
 def choose_laws(t, q, qd, work):
     """Find the laws at the start of a step, and the energy that springs store there; held rows have one law."""
-    ties, g, springs = work.ties, work.ties.gap[0], 0
-    for row in ties.rows:
-        springs += not is_held(row)
-    if springs == 0:
+    ties, g = work.ties, work.ties.gap[0]
+    if ties.ranges[2] == 0:
         return
     find_at(t, q, g, ties, work.chain)
     ties.ranges[1] = 0
