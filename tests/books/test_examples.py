@@ -111,6 +111,7 @@ def test_the_cylinders_bear_the_crane_and_lower_its_frequency_nearly_by_dunkerle
 
 
 @pytest.mark.slow
+@pytest.mark.first
 def test_the_palletizers_hand_tilts_with_the_strain_of_its_rods_and_not_with_its_beams(figures: Figures) -> None:
     tilt = {name: float(values[0]) for name, values in figures("palletizer")["tilt"].items()}
     moment, arms = 60.0 * 9.81 * 0.1, 0.25 * np.array([np.sin(np.radians(120.0)), np.cos(np.radians(10.0))])  # N m, m

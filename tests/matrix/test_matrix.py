@@ -28,6 +28,8 @@ def claims(module: ModuleType) -> Iterator[tuple[str, Callable[[case.Case], None
 
 CLAIMS = {name: claim for module in (states, runs, rest, files) for name, claim in claims(module)}
 CLAIMS |= public.CLAIMS
+FIRST = ("tied", "crane")
+"""Arms whose kernels are compiled by these tests."""
 
 
 def row_of(kind: str, claim: str, chain: str) -> dict[str, Any] | None:
@@ -50,6 +52,7 @@ def cells() -> Iterator[Any]:
             marks = [pytest.mark.xfail(strict=True, reason=fault["reason"])] if fault else []
             slow = claim in public.SLOW or fnmatchcase(chain, public.SLOW_CHAINS.get(claim, ""))
             marks += [pytest.mark.slow] if slow else []
+            marks += [pytest.mark.first] if chain in FIRST else []
             yield pytest.param(claim, chain, id=f"{claim}-{chain}", marks=marks)
 
 

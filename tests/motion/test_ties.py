@@ -29,6 +29,7 @@ from tests.support.loops import Loop, places, undriven
 from tests.support.touching import Touching
 from tests.support.words import refused
 
+pytestmark = pytest.mark.first
 HELD = {"kind": "pd", "kp": [9.0, 0.0, 0.0], "kd": [1.0, 0.0, 0.0], "target_deg": [60.0, -33.0, -116.0]}
 AT_REST = {"times": [0.0], "angle_deg": [60.0], "rate_deg": [0.0], "acceleration_deg": [0.0]}
 TIP = {"profile": "quintic", "to_deg": [70.0, -40.0, -110.0], "duration": 0.3, "follows": "tip"}

@@ -146,6 +146,7 @@ def test_galerkin_rods_reproduce_the_independent_reference() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.first
 def test_strain_modes_and_chains_run_with_their_numbers_of_coordinates() -> None:
     task = task_of("torque_pulse", PULSE)
     chain = flexlink_links.run(task, "gauss", {"hinges": 8, "tolerance": 1e-4})
