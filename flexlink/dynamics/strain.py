@@ -25,7 +25,7 @@ from flexlink.chain.arguments import beyond_float64, require_type, vector
 from flexlink.chain.beams import TableBeam
 from flexlink.chain.compliance import curvatures
 from flexlink.chain.coordinates import Kind
-from flexlink.chain.lumping import lump
+from flexlink.chain.lumping import lump, open_chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.products import cross
 from flexlink.common.types import Array
@@ -91,7 +91,7 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
     >>> print(gauge.x.round(3), (1e6 * gauge.strain).round(1))  # m from the root; µm/m
     [0.211 0.789] [194.2 114.8]
     """
-    chain, arm = lump(require_type("scene", scene, Scene)), scene.arm
+    chain, arm = lump(open_chain(require_type("scene", scene, Scene))), scene.arm
     number = arm.number(link)
     bent, (y, z) = arm.links[number - 1], vector("fibre", fibre, 2)
     if not AXES[bent.flex]:

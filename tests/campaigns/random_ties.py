@@ -1,6 +1,7 @@
 """Random closed loops: runs are as near to another engine's as their tolerance, or warn that they are not.
 
     OPENBLAS_NUM_THREADS=1 python -m tests.campaigns.random_ties 0 300   # seeds; exit code 1: a run is silently wrong
+    OPENBLAS_NUM_THREADS=1 python -m tests.campaigns.random_ties 0 300 moved   # the first joint has a prescribed motion
 
 Planar and spatial loops, rods, links tied to links, two loops, trees, slides, strain modes, springs between hinges;
 rigid to soft links, dampers, dry friction, gears, drives with limits or sampled, wrenches, initial rates, any gravity.
@@ -20,7 +21,7 @@ import flexlink as fl
 from flexlink.describe.scene import scene_from
 from flexlink.dynamics.free_motion import all_motions
 from flexlink.dynamics.ties import gaps, tie_rows
-from tests.support.loops import Loop, TooHardError, Torque, placed, places, turned
+from tests.support.loops import Loop, TooHardError, Torque, placed, places, turned, unaccelerated
 from validation.random_arms import Dice
 
 MAKES = ("planar", "tilted", "spatial", "rods", "links", "two", "tree", "slide", "modes", "cells")
@@ -169,6 +170,7 @@ def torque_of(scene: fl.Scene, chain: fl.Chain) -> Torque:
 def truth_of(problem: fl.Problem, rows: np.ndarray) -> tuple[np.ndarray, str]:
     """Places of all bodies at all samples, and where they are from; nan if they are unknown."""
     scene, chain, t = problem.scene, problem.chain, SAMPLE * np.arange(round(DURATION / SAMPLE) + 1)
+    rows = np.concatenate([rows, unaccelerated(chain)])
     start, loop = problem.simulate(duration=0.0), Loop(chain, rows, force=scene.wrench.force, most=MOST)
     held = None if scene.drive.rate is None else np.arange(round(DURATION * scene.drive.rate)) / scene.drive.rate
     method = "DOP853" if loop.fastest(start.q[0]) < FAST else "Radau"
@@ -182,10 +184,23 @@ def truth_of(problem: fl.Problem, rows: np.ndarray) -> tuple[np.ndarray, str]:
     return np.array(np.nan), "unknown"
 
 
-def judged(seed: int) -> Iterator[Found]:
+def moved(scene: fl.Scene, dice: Dice) -> fl.Scene:
+    """The scene with a constant rate of its first joint."""
+    start, rate, link = scene.initial.joint_deg[0], dice.linear(-90, 90), scene.arm.links[0].name
+    motion = {
+        "times": [0.0, 1.0],
+        "angle_deg": [start, start + rate],
+        "rate_deg": [rate] * 2,
+        "acceleration_deg": [0.0] * 2,
+    }
+    rates = [rate, *(scene.initial.rate_deg or [0.0] * len(scene.arm.links))[1:]]
+    return scene.varied({"motion": [{"link": link, **motion}], "initial.rate_deg": rates, "drive": {}})
+
+
+def judged(seed: int, *, moves: bool = False) -> Iterator[Found]:
     """The runs of the scene of a seed."""
     maker = Maker(seed)
-    scene = maker.scene()
+    scene = moved(maker.scene(), maker.dice) if moves else maker.scene()
     try:
         problem = fl.Problem(scene)
     except fl.FlexlinkError as error:
@@ -228,7 +243,9 @@ def summary(found: Iterable[Found]) -> bool:
 
 if __name__ == "__main__":
     warnings.simplefilter("ignore", RuntimeWarning)
-    found = [(seed, each) for seed in range(*map(int, sys.argv[1:3])) for each in judged(seed)]
+    found = [
+        (seed, each) for seed in range(*map(int, sys.argv[1:3])) for each in judged(seed, moves="moved" in sys.argv)
+    ]
     for seed, each in found:
         if each.outcome.isupper():
             print(f"seed {seed}:", *each)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -14,6 +16,7 @@ from scipy.optimize import brentq, minimize
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.dynamics.equilibrium import Equilibrium
+from flexlink.dynamics.sensors.signals import signal_of
 from flexlink.dynamics.tied_motion import tied_acceleration
 from flexlink.dynamics.ties import gaps, tie_rows
 from tests.campaigns.random_ties import Maker
@@ -156,6 +159,26 @@ def test_a_bending_boom_swings_on_its_cylinder_like_a_beam_on_a_spring() -> None
     assert brentq(determinant, 0.99 * ω, 1.01 * ω, xtol=1e-13) == pytest.approx(ω, rel=1e-6)
 
 
+def motion_of(model: fl.LinearModel, scene: fl.Scene, chain: fl.Chain, q: np.ndarray, tau: np.ndarray) -> Callable:
+    """q, q̇ and q̈ (n,) that the ties allow, as a function of the states of a linear model about q."""
+    ties, m = tie_rows(scene, chain), len(model.x) // 2
+    exact = np.isinf(ties[0]["stiffness"])
+    kept = np.array([chain.joint_names.index(name.split()[1]) for name in model.states[:m]])
+    other = np.setdiff1d(np.arange(chain.n), kept)
+
+    def motion(x: np.ndarray, more: np.ndarray | float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        at, v = q.copy(), np.zeros(chain.n)
+        at[kept], v[kept] = x[:m], x[m:]
+        for _ in range(20):
+            g, J = (each[exact] for each in gaps(ties, chain, at)[:2])
+            at[other] -= np.linalg.lstsq(J[:, other], g, rcond=1e-10)[0]
+        v[other] = -np.linalg.lstsq(J[:, other], J[:, kept] @ x[m:], rcond=1e-10)[0]
+        return at, v, tied_acceleration(ties, chain, 0.0, at, v, fl.forward_dynamics(chain, at, v, tau + more))[0]
+
+    motion.kept = kept
+    return motion
+
+
 @pytest.mark.parametrize("scene", [fourbar(**BENDS), touching(), random_arm(11)], ids=["loop", "touching", "redundant"])
 def test_a_linear_model_has_the_eigenvalues_of_modes_and_the_slopes_of_accelerations(scene: fl.Scene) -> None:
     """The states are coordinates, from which ties give the others; also at a posture and torques out of balance."""
@@ -163,26 +186,46 @@ def test_a_linear_model_has_the_eigenvalues_of_modes_and_the_slopes_of_accelerat
     own = fl.linearize(chain, rest.q, tau=rest.tau, ties=scene)
     λ = fl.modes(chain, rest.q, ties=scene).eigenvalues
     np.testing.assert_allclose(np.sort(np.abs(own.eigenvalues))[::2], np.sort(np.abs(λ)), rtol=1e-8)
-    ties, tau, q = tie_rows(scene, chain), np.eye(chain.n)[0], fl.initial_state(scene, chain)[0]
+    tau, q = np.eye(chain.n)[0], fl.initial_state(scene, chain)[0]
     model = fl.linearize(chain, q, tau=tau, ties=scene, outputs=("state",))
-    m, exact = len(model.x) // 2, np.isinf(ties[0]["stiffness"])
-    kept = np.array([chain.joint_names.index(name.split()[1]) for name in model.states[:m]])
-    other = np.setdiff1d(np.arange(chain.n), kept)
+    motion, m = motion_of(model, scene, chain, q, tau), len(model.x) // 2
 
     def rate(x: np.ndarray) -> np.ndarray:
-        at, v = q.copy(), np.zeros(chain.n)
-        at[kept], v[kept] = x[:m], x[m:]
-        for _ in range(20):
-            g, J = (each[exact] for each in gaps(ties, chain, at)[:2])
-            at[other] -= np.linalg.lstsq(J[:, other], g, rcond=1e-10)[0]
-        v[other] = -np.linalg.lstsq(J[:, other], J[:, kept] @ x[m:], rcond=1e-10)[0]
-        qdd = tied_acceleration(ties, chain, 0.0, at, v, fl.forward_dynamics(chain, at, v, tau))[0]
-        return np.concatenate([x[m:], qdd[kept]])
+        return np.concatenate([x[m:], motion(x)[2][motion.kept]])
 
     A = np.array([(rate(model.x + e) - rate(model.x - e)) / 2e-5 for e in 1e-5 * np.eye(2 * m)]).T
     np.testing.assert_allclose(model.A, A, atol=1e-6 * np.abs(A).max())
     np.testing.assert_allclose(model.rate, rate(model.x), atol=1e-9 * np.abs(model.rate).max())
     np.testing.assert_allclose(model.y, np.concatenate([q, 0 * q]), atol=1e-14)
+
+
+def test_sensors_of_a_loop_are_outputs_of_its_linear_model() -> None:
+    """C and D are differences of the signals along motions that the ties allow; a filter adds a state."""
+    sensors = [
+        {"name": "a", "kind": "accelerometer", "link": "l2", "x": 0.5},
+        {"name": "g", "kind": "gyroscope", "link": "l3"},
+        {"name": "e", "kind": "strain", "link": "l2", "x": 0.3, "fibre": [0.006, 0.0]},
+    ]  # fmt: skip
+    scene = fourbar(**BENDS).varied({"sensor": sensors})
+    chain = fl.Problem(scene).chain
+    q, tau = fl.initial_state(scene, chain)[0], np.eye(chain.n)[0]
+    model = fl.linearize(chain, q, tau=tau, ties=scene, outputs=(fl.small_motion.SensorOutputs(scene),))
+    motion, m = motion_of(model, scene, chain, q, tau), len(model.x)
+
+    def seen(x: np.ndarray, more: np.ndarray | float = 0.0) -> np.ndarray:
+        at, v, qdd = (part[None] for part in motion(x, more))
+        run = SimpleNamespace(chain=chain, q=at, qd=v, qdd=qdd, tau=tau[None])
+        return np.concatenate([signal_of(sensor, scene, run)[:, 0] for sensor in scene.sensor])
+
+    C = np.array([(seen(model.x + e) - seen(model.x - e)) / 2e-5 for e in 1e-5 * np.eye(m)]).T
+    D = np.array([seen(model.x, e) - seen(model.x, -e) for e in np.eye(chain.n)[chain.active] / 2]).T
+    np.testing.assert_allclose(model.C, C, atol=1e-6 * np.abs(C).max())
+    np.testing.assert_allclose(model.D, D, atol=1e-9 * np.abs(D).max())
+    np.testing.assert_allclose(model.y, seen(model.x), atol=1e-9 * np.abs(model.y).max())
+    late = scene.varied({"sensor.g.low_pass": 20.0})
+    slow = fl.linearize(chain, q, tau=tau, ties=late, outputs=(fl.small_motion.SensorOutputs(late),))
+    rest = [each.frequency_response([0.0]) for each in (slow, model)]
+    np.testing.assert_allclose(*rest, atol=1e-9 * np.abs(rest).max())
 
 
 def test_a_small_swing_has_the_frequency_of_its_mode() -> None:
@@ -216,10 +259,10 @@ def test_the_command_prints_modes_of_an_arm_with_ties(tmp_path: Path, capsys: py
     assert main(["modes", path, "--rate", "l1=1rad/s"]) == 2
 
 
-def test_rates_and_sensors_with_ties_are_refused() -> None:
-    scene = fourbar().varied({"sensor": [{"name": "s", "kind": "joint", "link": "l1"}]})
+def test_rates_with_ties_and_sensors_on_ties_are_refused() -> None:
+    scene = fourbar().varied({"sensor": [{"name": "pin", "kind": "force", "tie": "pin"}]})
     chain, rest = at_rest(fourbar())
-    with refused(fl.errors.SceneError, "ties-not-supported"):
+    with refused(fl.errors.ArgumentError, "sensor-of-tie"):
         fl.linearize(chain, rest.q, ties=scene, outputs=(fl.small_motion.SensorOutputs(scene),))
     for call in (fl.modes, fl.solve_static, fl.linearize):
         with refused(fl.errors.ArgumentError, "both-given"):

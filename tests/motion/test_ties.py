@@ -22,10 +22,9 @@ from flexlink.cli.main import main
 from flexlink.describe.scene import scene_from
 from flexlink.dynamics.ties import gaps, tie_rows
 from flexlink.kernels.geometry.kinematics import forward_kinematics
-from flexlink.kernels.stepping.tie_rows import KIND, TIE
 from flexlink.robots.importing import import_urdf
 from tests.campaigns.random_ties import judged
-from tests.support.loops import Loop, places, undriven
+from tests.support.loops import Loop, places, unaccelerated, undriven
 from tests.support.touching import Touching
 from tests.support.words import refused
 
@@ -65,13 +64,6 @@ def gear(link: str, **more: object) -> dict:
 def fourbar(**bends: object) -> fl.Scene:
     lengths = ({"length": length, **bends} for length in (0.4, 1.0, 0.8))
     return arm(*lengths, ties=[pin("l3", 1.1, 0.0, 0.0)], start=[60.0, -33.03, -116.34])
-
-
-def unaccelerated(chain: fl.Chain) -> np.ndarray:
-    """Rows by which the motions of prescribed joints, which must have constant rates, become multipliers."""
-    rows = np.zeros(np.count_nonzero(chain.held), TIE)
-    rows["kind"], rows["a"], rows["b"] = KIND.joint, np.flatnonzero(chain.held), -1
-    return rows
 
 
 def checked(scene: fl.Scene, most: float = 3.0, law: Callable = lambda *_: undriven) -> fl.Trajectory:

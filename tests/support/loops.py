@@ -14,10 +14,17 @@ from scipy.integrate import solve_ivp
 import flexlink as fl
 from flexlink.dynamics.ties import gaps, tie_rows
 from flexlink.kernels.geometry.kinematics import forward_kinematics
-from flexlink.kernels.stepping.tie_rows import KIND
+from flexlink.kernels.stepping.tie_rows import KIND, TIE
 
 Torque = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
 """Torques (n,) of drives at t, q and q̇."""
+
+
+def unaccelerated(chain: fl.Chain) -> np.ndarray:
+    """Rows by which the motions of prescribed joints, which must have constant rates, become multipliers."""
+    rows = np.zeros(np.count_nonzero(chain.held), TIE)
+    rows["kind"], rows["a"], rows["b"] = KIND.joint, np.flatnonzero(chain.held), -1
+    return rows
 
 
 class TooHardError(Exception):

@@ -24,7 +24,6 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array, Complex
 from flexlink.describe.actions import Frame
 from flexlink.describe.scene import Scene
-from flexlink.describe.tie import refuse_ties
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.batches import is_batch, rows
 from flexlink.dynamics.derivatives import ForwardDerivatives, forward_dynamics_derivatives
@@ -96,8 +95,6 @@ def linearize(
     qd, tau = (np.zeros(n) if part is None else vector(name, part, n) for name, part in (("qd", qd), ("tau", tau)))
     wanted = _checked(outputs)
     state = LoadedState(q, qd, wrench_vector(tip_wrench), turns_with_tip(frame), np.arange(n))
-    if ties is not None and not all(isinstance(each, str) for each in wanted):
-        refuse_ties(ties.ties, "sensors as outputs do not support ties")
     tied = tied_state(ties, chain, state, tau)
     acting = tau if tied is None else tau - tied.J.T @ tied.λ
     slopes = forward_dynamics_derivatives(chain, q, qd, acting, tip_wrench=tip_wrench, frame=frame)

@@ -65,7 +65,7 @@ class SensorOutputs:
         Raises
         ------
         ArgumentError
-            A sensor measures the torque of a joint with prescribed motion.
+            A sensor measures the torque of a joint with prescribed motion, or is on a tie.
         SceneError
             As in `Trajectory.readings`.
         """
@@ -73,6 +73,9 @@ class SensorOutputs:
 
     def _output(self, sensor: Sensor, chain: Chain, q: Array, qd: Array, qdd: Array, tau: Array) -> Output:
         scene = self.scene
+        if sensor.on_tie:
+            text = f"sensor {sensor.name!r}: forces and pressures of ties are no outputs; leave the sensor out"
+            raise ArgumentError(f"outputs: {text}", id="sensor-of-tie")
         if sensor.kind in {"torque", "current"} and chain.held[joint_of(sensor, chain, scene)]:
             why = "a linear model has the acceleration of this joint as input and no torque as output"
             text = f"sensor {sensor.name!r}: the motion of its joint is prescribed; {why}; leave the sensor out"
