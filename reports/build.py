@@ -13,12 +13,11 @@ import matplotlib as mpl
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import make_folder, write_text
 from flexlink.common.wording import plural
-from flexlink.pages.chapter import Chapter, Shown
 from flexlink.pages.numbers import amount
 from flexlink.pages.page import template
 from flexlink.pages.style import RC
 from flexlink.pages.tables import Table, table_csv
-from flexlink.pages.verdict import Report
+from flexlink.pages.verdict import Chapter, Report, Shown
 from reports import measurements, reference, same, speed_limits, stored_full, verdict
 from reports.chapters import Section, chapter_of_kinds, contents, sections
 from reports.drawing import figures_of

@@ -8,17 +8,27 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 from numpy.typing import NDArray
 
 from flexlink.common.types import Array
 from flexlink.pages.colours import CYCLE, MARKERS, engine_name, look_of
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import legend_above, stacked_axes, tidy_linear, tidy_logs
+from flexlink.pages.style import stacked_axes, tidy_linear, tidy_logs
 from reports.tables import series_csv
 from validation.store import Series
 
 FEW = 60  # curves with fewer points are drawn with markers
 MOST = 2 * len(CYCLE)  # curves in a panel: a solid and a dashed one in each colour
+
+
+def legend_above(figure: Figure, axes: Axes, columns: int) -> Legend:
+    """Add one legend above all panels, where it does not hide curves."""
+    handles, labels = axes.get_legend_handles_labels()
+    return figure.legend(
+        handles, labels, loc="outside upper left", ncols=columns, frameon=False, columnspacing=1.0, handletextpad=0.5
+    )
 
 
 class Curve(NamedTuple):

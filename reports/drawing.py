@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import matplotlib as mpl
 
-from flexlink.pages.chapter import Shown
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import RC
+from flexlink.pages.verdict import Shown
 from reports import curves
 from reports.chapters import chapter_of_kinds
 from reports.figures import figure

@@ -23,8 +23,8 @@ import msgspec
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_whole
 from flexlink.describe.spec import Spec
-from flexlink.pages.chapter import Shown
 from flexlink.pages.tables import Table
+from flexlink.pages.verdict import Shown
 from reports.chapters import Section
 from validation import dependencies
 from validation.case import ALL, load_cases

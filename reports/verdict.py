@@ -8,7 +8,7 @@ from fnmatch import fnmatchcase
 
 from flexlink.common.wording import plural
 from flexlink.pages.colours import engine_name
-from flexlink.pages.numbers import amount, passing
+from flexlink.pages.numbers import amount
 from flexlink.pages.verdict import State, Verdict
 from reports.chapters import Number, Wanted
 from reports.claims import CONFIRMED, judging, standing
@@ -16,7 +16,7 @@ from reports.measurements import Counts, by_case, total
 from reports.results import Results, used
 from reports.tables import share
 from reports.wording import displayed
-from validation.judgement import JudgedRow, correctness, speed
+from validation.judgement import JudgedRow, correctness, passing, speed
 from validation.store import Row
 
 PASS = "PASS"

@@ -12,9 +12,8 @@ from pathlib import Path
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.output import write_text
 from flexlink.common.progress import Progress
-from flexlink.pages.numbers import passing
 from validation.case import ALL, CASES, MODELS, Case, load_cases
-from validation.judgement import correctness, judged_rows, quiet, speed
+from validation.judgement import correctness, judged_rows, passing, quiet, speed
 from validation.store import Row, Store
 
 try:

@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Literal, NamedTuple
 
+from flexlink.common.wording import plural
 from validation.store import Conditions, Finished, Row
 
 SHOWN = 5  # most cases named in a sentence
@@ -39,6 +40,11 @@ class Correctness(NamedTuple):
 
     judged: int
     failed: tuple[Row, ...]
+
+
+def passing(passed: int, checks: int) -> str:
+    """State the number of passed checks, as in '1 of 1 check passes', '1 of 9 checks passes', '2 of 9 checks pass'."""
+    return f"{passed} of {plural(checks, 'check')} {'passes' if passed == 1 else 'pass'}"
 
 
 class Speed(NamedTuple):

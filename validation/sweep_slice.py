@@ -18,8 +18,8 @@ from msgspec.structs import replace
 
 from flexlink.common.interruption import Stop
 from flexlink.common.progress import Progress
-from flexlink.sweeps.execution import Execution
 from flexlink.sweeps.plan import Plan, Sweep, fingerprint, version
+from flexlink.sweeps.run import Execution
 from flexlink.sweeps.store import Store
 from flexlink.sweeps.worker import rows_of
 from flexlink.sweeps.workers import WorkerPool, pool_of

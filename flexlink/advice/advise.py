@@ -12,11 +12,10 @@ import numpy as np
 
 from flexlink.advice import rigid
 from flexlink.advice.goal import Goal, Thresholds, TipErrorNorm, goal_of, least_tolerance
-from flexlink.advice.link_errors import LinkErrors
 from flexlink.advice.model import Model, all_axes, checked_scene, gauges_lost, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.advice.refinement import AxisScreening, RefinementStudy, error_growth, horizon
-from flexlink.advice.search import Search, ShapeSearch
+from flexlink.advice.search import LinkErrors, Search, ShapeSearch
 from flexlink.advice.verdict import Advice, length, line, payback, time
 from flexlink.chain.arguments import positive, require_bool, require_one_of, require_type
 from flexlink.chain.lumping import lump

@@ -62,18 +62,14 @@ class TipErrorNorm:
         # Hann window of length 2/band; its gain is zero above the band, except for side lobes of 3 %
         self.window = np.hanning(2 * half + 1)[1:-1] if half > 1 else None
 
-    def filtered(self, difference: Array) -> Array:
-        """The difference without vibrations above the band."""
-        if self.window is None:
-            return difference
-        before, samples = len(self.window) // 2, len(difference)
-        columns = [np.ones(samples), *difference.T]  # the result is as long as the run even if the window is longer
-        weight, *found = (np.convolve(one, self.window)[before : before + samples] for one in columns)
-        return np.column_stack([column / weight for column in found])
-
     def lengths(self, difference: Array) -> Array:
-        """Length of the filtered difference at every sample [m]."""
-        return np.asarray(np.linalg.norm(self.filtered(difference), axis=1))
+        """Length of the difference, without vibrations above the band, at every sample [m]."""
+        if self.window is not None:
+            before, samples = len(self.window) // 2, len(difference)
+            columns = [np.ones(samples), *difference.T]  # the result is as long as the run even if the window is longer
+            weight, *found = (np.convolve(one, self.window)[before : before + samples] for one in columns)
+            difference = np.column_stack([column / weight for column in found])
+        return np.asarray(np.linalg.norm(difference, axis=1))
 
     def up_to(self, difference: Array) -> Array:
         """Running maximum of `lengths`, shape (samples,) [m]; inf from the first sample that is not finite."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -81,8 +80,8 @@ Axes = tuple[str, ...]  # one of `FLEX` for each link
 
 
 def by_rule(flex: str, hinges: int, family: str = GAUSS) -> Bend | None:
-    """Bending of a link with this number of hinges, by a rule of a family."""
-    return None if flex == "rigid" else Bend(flex, rule_of(family, hinges), hinges)
+    """Bending of a link with this number of hinges, by a rule of a family; None if it does not bend."""
+    return None if flex == "rigid" or not hinges else Bend(flex, rule_of(family, hinges), hinges)
 
 
 def uniform(axes: Axes, hinges: int, family: str = GAUSS) -> Model:
@@ -146,12 +145,6 @@ def _divided(link: Link, bend: Bend | None) -> Link:
     if bend is None:
         return replace(link, lumping="gauss", **RIGID) if link.flex != "rigid" else link
     return replace(link, flex=bend.flex, segments=bend.hinges + 1, modes=bend.modes, lumping=bend.rule)
-
-
-@functools.cache
-def fewer_axes(flex: str) -> tuple[str, ...]:
-    """Choices with fewer axes that bend: z for yz, z and yz for xyz."""
-    return FLEX[1 : FLEX.index(flex)]
 
 
 def limited_axes(axes: Sequence[str], top: str) -> Axes:

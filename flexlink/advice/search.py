@@ -16,10 +16,11 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
-from flexlink.advice.goal import Thresholds
-from flexlink.advice.link_errors import LinkErrors
-from flexlink.advice.model import FAMILIES, FLEX, Bend, Model, by_rule, can_move
+from flexlink.advice.goal import Thresholds, TipErrorNorm
+from flexlink.advice.model import FAMILIES, FLEX, GAUSS, Bend, Model, by_rule, can_move, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
+from flexlink.advice.refinement import RefinementStudy
+from flexlink.common.types import Array
 from flexlink.describe.link import AXES, of_number
 
 
@@ -29,6 +30,85 @@ class Solution(NamedTuple):
     model: Model
     outcome: Outcome
     error: float  # relative to the limit [m]
+
+
+# Errors of the tip's path due to each link, measured with few hinges; they decrease with the rules' order p.
+#
+#     e_k(N) = C_k / N^p         N hinges in link k, p = 2, or 4 for cells
+#
+# The error paths of all links are added with their signs.
+
+
+class LinkErrors:
+    """Errors of models relative to the limit."""
+
+    def __init__(self, runner: ModelRunner, norm: TipErrorNorm, refinement: RefinementStudy) -> None:
+        self.runner, self.norm, self.refinement = runner, norm, refinement
+        # gauss also includes Gauss-Legendre points, so it offers any number of hinges
+        self.family = refinement.family if FAMILIES[refinement.family].step > 1 else GAUSS
+        self.order = FAMILIES[self.family].order
+        self.base = 4 if refinement.finest.hinges > 4 else 2  # hinges in each of the other links while one is varied
+        self.bending = [k for k, flex in enumerate(refinement.axes) if flex != "rigid"]  # numbers of links, from 0
+        self.known = {model: self.from_limit(run.tip) for model, run in refinement.models().items()}  # [m]
+        self._few: dict[tuple[int, int], Array] = {}  # errors with fewer hinges than the base, by link and hinges
+        self._fewer_axes: dict[tuple[int, str], Array] = {}  # changes of the path with fewer axes
+        self._own = self._of_base()
+        counts = {self.base // 2, 1} | ({0} if len(self.bending) > 1 else set())  # never a model with all links rigid
+        for k in self.bending:
+            for hinges in counts:
+                self._few[k, hinges] = self._changed(k, self._hinges(k, hinges)) + self._own[k]
+            for flex in FLEX[1 : FLEX.index(self.refinement.axes[k])]:  # z for yz, z and yz for xyz
+                self._fewer_axes[k, flex] = self._changed(k, by_rule(flex, self.base, self.family))
+
+    def from_limit(self, tip: Array) -> float:
+        """Distance of a tip path (samples, 3) from the limit [m]."""
+        assert self.refinement.limit is not None
+        return self.norm(tip - self.refinement.limit.tip)
+
+    def solution(self, model: Model, outcome: Outcome, allowed: float) -> Solution | None:
+        """A run as a solution; None if it failed, or if its error exceeds the allowed one [m]."""
+        error = self.from_limit(outcome.tip)
+        return Solution(model, outcome, error) if outcome.completed and error <= allowed else None
+
+    def constant(self, k: int) -> float:
+        """Error constant C_k of a link [m]."""
+        return float(self.norm(self._own[k]) * self.base**self.order)
+
+    def error(self, model: Model) -> float:
+        """Predicted error [m]."""
+        return self.norm(np.sum([self._path(k, model[k]) for k in self.bending], axis=0))
+
+    def axes(self, k: int) -> list[str]:
+        """Axes of a link, followed by the choices with fewer axes whose effect has been measured."""
+        return [self.refinement.axes[k], *(flex for link, flex in self._fewer_axes if link == k)]
+
+    def _path(self, k: int, bend: Bend | None) -> Array:
+        hinges = bend.hinges if bend else 0
+        path = self._few.get((k, hinges))
+        if path is None:
+            path = self._own[k] * (self.base / hinges) ** self.order if hinges else np.full_like(self._own[k], np.inf)
+        return path + self._fewer_axes[k, bend.flex] if bend and bend.flex != self.refinement.axes[k] else path
+
+    def _of_base(self) -> dict[int, Array]:
+        """Error of the base model, divided among links in proportion to the path's change with half a link's hinges."""
+        assert self.refinement.limit is not None
+        rest = self.runner.run(self._base_model, self.refinement.stepping).tip - self.refinement.limit.tip
+        changes = {k: self._changed(k, self._hinges(k, self.base // 2)) for k in self.bending}
+        total = np.sum(list(changes.values()), axis=0)
+        share = np.copysign(self.norm(rest) / (self.norm(total) or 1.0), np.vdot(rest, total))
+        return {k: share * change for k, change in changes.items()}
+
+    def _hinges(self, k: int, hinges: int) -> Bend | None:
+        return by_rule(self.refinement.axes[k], hinges, self.family)
+
+    @property
+    def _base_model(self) -> Model:
+        return uniform(self.refinement.axes, self.base, self.family)
+
+    def _changed(self, k: int, bend: Bend | None) -> Array:
+        """Change of the base model's tip path if one link bends in another way."""
+        base, stepping = self._base_model, self.refinement.stepping
+        return self.runner.run((*base[:k], bend, *base[k + 1 :]), stepping).tip - self.runner.run(base, stepping).tip
 
 
 class Search:
@@ -55,11 +135,10 @@ class Search:
 
     def accept(self, model: Model, outcome: Outcome) -> bool:
         """Adopt a run if its error is allowed and no earlier run is cheaper; return whether its error is allowed."""
-        error = self.link_errors.from_limit(outcome.tip)
-        good = outcome.completed and error <= self.allowed
-        if good and (self.solution is None or outcome.seconds < self.solution.outcome.seconds):
-            self.solution = Solution(model, outcome, error)
-        return good
+        found = self.link_errors.solution(model, outcome, self.allowed)
+        if found and (self.solution is None or outcome.seconds < self.solution.outcome.seconds):
+            self.solution = found
+        return found is not None
 
     def _fit(
         self, share: float, cost: Callable[[Model], float], stepping_of: Callable[[Model], Stepping | None]
@@ -124,7 +203,7 @@ class Search:
             if bend is None:
                 continue
             for hinges in sorted(FAMILIES[self.link_errors.family].fewer(bend.hinges)):
-                fewer = (*model[:k], by_rule(bend.flex, hinges, family) if hinges else None, *model[k + 1 :])
+                fewer = (*model[:k], by_rule(bend.flex, hinges, family), *model[k + 1 :])
                 if can_move(self.runner.scene, fewer):
                     yield fewer
 
@@ -224,7 +303,8 @@ class Allocation:
         scale = (total / allowed) ** (1 / p)
         hinges = {k: family.rounded_up(max(1, math.ceil(scale * size))) for k, size in shape.items()}
         while max(hinges.values()) <= most:
-            model = tuple(self._bend(flex, hinges.get(k, 0)) for k, flex in enumerate(axes))
+            rules = self.link_errors.refinement.family
+            model = tuple(by_rule(flex, hinges.get(k, 0), rules) for k, flex in enumerate(axes))
             if self._error(model) <= allowed:
                 return model
             # with few hinges, errors do not yet fall as 1 / N^p
@@ -235,12 +315,10 @@ class Allocation:
         for k, bend in enumerate(model):
             if bend:
                 counts = FAMILIES[self.link_errors.family].fewer(bend.hinges)
-                options = [self._bend(bend.flex, count) for count in counts]
+                rules = self.link_errors.refinement.family
+                options = [by_rule(bend.flex, count, rules) for count in counts]
                 options += [bend._replace(flex=flex) for flex in self.link_errors.axes(k) if len(flex) < len(bend.flex)]
                 yield from ((*model[:k], option, *model[k + 1 :]) for option in options)
-
-    def _bend(self, flex: str, hinges: int) -> Bend | None:
-        return by_rule(flex, hinges, self.link_errors.refinement.family) if hinges else None
 
 
 # Search for the fewest strain modes whose error is allowed, for controllers, observers and explicit methods.
@@ -283,9 +361,8 @@ class ShapeSearch:
         """The coarsest level of the refinement study whose error is at most this share of the allowed error."""
         levels = self.link_errors.refinement.models().items()
         for model, outcome in sorted(levels, key=lambda level: self.runner.chain(level[0]).n):
-            error = self.link_errors.from_limit(outcome.tip)
-            if outcome.completed and error <= share * self.allowed:
-                return Solution(model, outcome, error)
+            if found := self.link_errors.solution(model, outcome, share * self.allowed):
+                return found
         return None
 
     def _shaped(self) -> Solution | None:
@@ -311,9 +388,7 @@ class ShapeSearch:
         """The solution of a run; None if it fails or its error is not allowed."""
         if not can_move(self.runner.scene, model):
             return None
-        outcome = self.runner.run(model, stepping)
-        error = self.link_errors.from_limit(outcome.tip)
-        return Solution(model, outcome, error) if outcome.completed and error <= self.allowed else None
+        return self.link_errors.solution(model, self.runner.run(model, stepping), self.allowed)
 
     def _by_fixed_steps(self, solution: Solution) -> Solution:
         """The same model by RK4 with the largest stable or accurate step."""

@@ -23,7 +23,6 @@ from flexlink.identification.fitted import Fitted, FittedColumn
 from flexlink.identification.identifiability import WIDE, Check, document
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.proposals import Proposals
-from flexlink.pages.chapter import Chapter
 from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
 from flexlink.pages.numbers import JOIN, amount, number
 from flexlink.pages.page import write_page
@@ -31,7 +30,7 @@ from flexlink.pages.part import Part, written
 from flexlink.pages.picture import Picture, picture_of
 from flexlink.pages.style import RC, stacked_axes
 from flexlink.pages.tables import Cell, Table, columns_csv
-from flexlink.pages.verdict import Fact, Report, Verdict
+from flexlink.pages.verdict import Chapter, Fact, Report, Verdict
 
 START, PROBLEM = "start.toml", "problem.toml"
 """Files next to the page: the scene before the fit, and the problem, which refers to this scene."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-from flexlink.common.wording import plural
-
 JOIN = "\N{NO-BREAK SPACE}"
 
 
@@ -32,11 +30,6 @@ def _digits(value: float, digits: int) -> str:
         return power if mantissa == "1" else f"{mantissa}{JOIN}×{JOIN}{power}"
     short = f"{value:.{digits}g}"
     return f"{value:.0f}" if "e" in short else short  # 999.7 is rounded to 1e+03
-
-
-def passing(passed: int, checks: int) -> str:
-    """State the number of passed checks, as in '1 of 1 check passes', '1 of 9 checks passes', '2 of 9 checks pass'."""
-    return f"{passed} of {plural(checks, 'check')} {'passes' if passed == 1 else 'pass'}"
 
 
 def amount(value: float | None, unit: str, digits: int = 3) -> str:

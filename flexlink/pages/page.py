@@ -10,9 +10,8 @@ from pathlib import Path
 import jinja2
 
 from flexlink.common.output import write_text
-from flexlink.pages.chapter import Chapter
 from flexlink.pages.numbers import amount, number
-from flexlink.pages.verdict import Fact, Verdict
+from flexlink.pages.verdict import Chapter, Fact, Verdict
 
 DATA = Path(__file__).parent / "data"
 

@@ -6,10 +6,9 @@ import dataclasses
 from pathlib import Path
 
 from flexlink.common.output import write_text
-from flexlink.pages.chapter import Chapter
 from flexlink.pages.picture import Picture
 from flexlink.pages.tables import Table
-from flexlink.pages.verdict import Fact, Verdict
+from flexlink.pages.verdict import Chapter, Fact, Verdict
 
 
 @dataclasses.dataclass(frozen=True)

@@ -17,10 +17,10 @@ from matplotlib.figure import Figure
 
 from flexlink.common.output import write_text, write_whole
 from flexlink.common.types import Array
-from flexlink.pages.chapter import Shown
 from flexlink.pages.colours import BLUE, INK, PAPER
 from flexlink.pages.style import RC, legend_over, tidy_logs
 from flexlink.pages.tables import columns_csv
+from flexlink.pages.verdict import Shown
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,34 +47,30 @@ class Picture:
                 figure.set_layout_engine(None)
             write_whole(path, lambda file: figure.savefig(file, format="png", dpi=dots, metadata={"Software": None}))
 
-    def save(self, folder: Path, definitions: dict[str, str]) -> str:
-        """Write the PNG, SVG and CSV files; return the SVG for the page, as `inline` does."""
+    def shown(self, folder: Path, definitions: dict[str, str]) -> Shown:
+        """Write the PNG, SVG and CSV files; return the figure for the page, whose SVG is that of `inline`."""
         self.save_png(folder / f"{self.name}.png")
         buffer = io.StringIO()
         with mpl.rc_context(RC):
             self.figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
         write_text(folder / f"{self.name}.svg", buffer.getvalue())
         write_text(folder / f"{self.name}.csv", self.csv)
-        return inline(buffer.getvalue(), self.title, definitions)
-
-    def shown(self, folder: Path, definitions: dict[str, str]) -> Shown:
-        """Write the files as `save` does, and return the figure for the page."""
-        drawing = self.save(folder, definitions)
+        drawing, id = inline(buffer.getvalue(), self.title, definitions), re.sub(r"[^\w.-]", "_", self.name)
         files = tuple(f"{self.name}.{ending}" for ending in ("csv", "png", "svg"))
-        return Shown(self.name, self.id, self.title, drawing, self.caption, files)
-
-    @property
-    def id(self) -> str:
-        """The name as an id of an HTML element."""
-        return re.sub(r"[^\w.-]", "_", self.name)
+        return Shown(self.name, id, self.title, drawing, self.caption, files)
 
 
 def picture_of(
-    name: str, title: str, caption: str, axes: Sequence[Axes], across: str, columns: Mapping[str, Array]
-) -> Picture:
-    """Picture of panels above each other, with one label and one legend; short columns of its CSV file end in nan."""
+    name: str, title: str, caption: str, axes: Sequence[Axes], across: str, columns: Mapping[str, Array], *,
+    each: bool = False,
+) -> Picture:  # fmt: skip
+    """Picture of panels above each other with one label; short columns of its CSV file end in nan.
+
+    There is one legend, or one for `each` panel.
+    """
     axes[-1].set_xlabel(across)
-    legend_over(axes[0], figure=axes[0].figure)
+    for panel in axes if each else axes[:1]:
+        legend_over(panel, figure=None if each else panel.figure)
     longest = max(map(len, columns.values()))
     csv = columns_csv({
         head: np.pad(column.astype(float), (0, longest - len(column)), constant_values=np.nan)

@@ -8,7 +8,6 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
-from matplotlib.legend import Legend
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from flexlink.pages.colours import GREY, INK, PAPER
@@ -73,14 +72,6 @@ def tidy_logs(axes: Axes) -> None:
             axis.set_major_locator(LogLocator(subs=_steps(low, high)))
             axis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
             axis.set_minor_formatter(NullFormatter())
-
-
-def legend_above(figure: Figure, axes: Axes, columns: int) -> Legend:
-    """Add one legend above all panels, where it does not hide curves."""
-    handles, labels = axes.get_legend_handles_labels()
-    return figure.legend(
-        handles, labels, loc="outside upper left", ncols=columns, frameon=False, columnspacing=1.0, handletextpad=0.5
-    )
 
 
 def legend_over(axes: Axes, *, figure: Figure | None = None) -> None:

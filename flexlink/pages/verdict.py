@@ -1,4 +1,4 @@
-"""Verdicts on the first screen of a report, one for each question that the report answers."""
+"""A report: verdicts on its first screen, one for each question that it answers, its chapters, and their figures."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from flexlink.common.notebook import html_table
-from flexlink.pages.chapter import Chapter
+from flexlink.pages.tables import Table
 
 State = Literal["pass", "fail", "doubt", "info", "incomplete", "met", "missed", "not-measured"]
 """CSS classes of verdicts."""
@@ -30,6 +30,36 @@ class Fact(NamedTuple):
 
     value: str
     label: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Shown:
+    """A figure on a page."""
+
+    name: str
+    id: str  # of its HTML element
+    title: str
+    svg: str
+    caption: str
+    files: tuple[str, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Chapter:
+    """A chapter after its files have been written."""
+
+    # id, title, short: target of links to the chapter, its heading, and its name in the list of chapters
+    id: str
+    title: str
+    short: str
+    sentences: tuple[str, ...] = ()  # paragraphs, the conclusion first
+    # figures, tables: figures and tables that support the conclusion
+    figures: tuple[Shown, ...] = ()
+    tables: tuple[Table, ...] = ()
+    literal: str = ""  # preformatted text, for example a scene, which the page folds
+    literal_title: str = "Scene file"  # title of the preformatted text
+    files: tuple[str, ...] = ()  # names of other files next to the page
+    failure: str = ""  # reason why the chapter could not be computed; "" if it was computed
 
 
 @dataclasses.dataclass(frozen=True, repr=False)

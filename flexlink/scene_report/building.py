@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
 import time
 from collections.abc import Callable
@@ -12,11 +13,10 @@ import numpy as np
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import begin_page
-from flexlink.pages.chapter import Chapter
 from flexlink.pages.page import write_page
 from flexlink.pages.part import Part, written
 from flexlink.pages.style import RC
-from flexlink.pages.verdict import Fact, Report, Verdict
+from flexlink.pages.verdict import Chapter, Fact, Report, Verdict
 from flexlink.scene_report.study import Study
 
 CHAPTERS = {
@@ -45,28 +45,20 @@ def build(study: Study, folder: Path, progress: Callable[[str], None]) -> Report
     verdicts: list[Verdict] = []
     facts: list[Fact] = []
     for name, (title, short) in CHAPTERS.items():
-        began = time.perf_counter()
-        part = _part(name, study)
-        if part is None:
-            continue
-        if isinstance(part, Part):
-            chapters.append(written(Chapter(name, title, short), part, folder, definitions))
+        began, module = time.perf_counter(), importlib.import_module(f"flexlink.scene_report.parts.{name}")
+        chapter = Chapter(name, title, short)
+        try:
+            with mpl.rc_context(RC), np.errstate(all="ignore"):
+                part: Part | None = module.made(study)
+        except Exception as error:  # an error in one chapter must not stop the others
+            reason = str(error) if isinstance(error, FlexlinkError) else f"{type(error).__name__}: {error}"
+            chapters.append(dataclasses.replace(chapter, failure=" ".join(reason.split())))
+        else:
+            if part is None:  # the chapter does not apply
+                continue
+            chapters.append(written(chapter, part, folder, definitions))
             verdicts += part.verdicts
             facts += part.facts
-        else:
-            chapters.append(Chapter(name, title, short, failure=part))
         progress(f"{title}: {chapters[-1].failure or 'done'} ({time.perf_counter() - began:.1f} s)")
     page = write_page(folder, study.scene.name, "report", chapters, verdicts, facts, definitions)
     return Report(page, tuple(verdicts), chapters)
-
-
-def _part(name: str, study: Study) -> Part | str | None:
-    """Return the content of a chapter; None if it does not apply; the reason if it cannot be computed."""
-    module = importlib.import_module(f"flexlink.scene_report.parts.{name}")
-    try:
-        with mpl.rc_context(RC), np.errstate(all="ignore"):
-            part: Part | None = module.made(study)
-    except Exception as error:  # an error in one chapter must not stop the others
-        reason = str(error) if isinstance(error, FlexlinkError) else f"{type(error).__name__}: {error}"
-        return " ".join(reason.split())
-    return part

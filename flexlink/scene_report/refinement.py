@@ -55,14 +55,10 @@ class Refinement:
             for link in self.scene.arm.links
         )
 
-    def within(self, part: float) -> Stepping:
-        """Adaptive steps with a tolerance that is this part of the tip's travel."""
-        return Stepping("auto", tolerance=part * self.study.travel)
-
     @cached_property
     def strict(self) -> Stepping:
         """Adaptive steps whose errors, even if the motion amplifies them, are small compared with those of hinges."""
-        usual, stricter = self.within(1e-5), self.within(1e-7)
+        usual, stricter = (Stepping("auto", tolerance=part * self.study.travel) for part in (1e-5, 1e-7))
         off = largest_distance(self.runner.run(self.model, usual).tip, self.converged.tip)
         return stricter if off > 1e-5 * self.study.travel else usual
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 
 from flexlink.chain.arguments import require_callable, require_type
 from flexlink.common.errors import ArgumentError
@@ -62,13 +61,9 @@ def report(
     """
     study = Study(require_type("scene", scene, Scene), None if against is None else _beside(against), command)
     require_callable("progress", progress)
-    found: Report = building().build(study, require_path("folder", folder), progress or (lambda _: None))
+    building = builder("flexlink.scene_report.building", "report")
+    found: Report = building.build(study, require_path("folder", folder), progress or (lambda _: None))
     return found
-
-
-def building() -> ModuleType:
-    """Return the module that builds pages, which needs matplotlib and jinja2."""
-    return builder("flexlink.scene_report.building", "report")
 
 
 def _beside(against: str | Path) -> Path:

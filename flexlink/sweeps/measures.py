@@ -173,10 +173,9 @@ def measured_together(
     quantities: Mapping[str, SweepOutput], block: Block
 ) -> list[tuple[tuple[float | None, ...], str]]:
     """`measured` for every member of a block, in order."""
-    columns: list[list[float]] = []
     try:
         with np.errstate(all="ignore"):
-            columns += [quantity.measure_all(block) for quantity in quantities.values()]
+            columns = [quantity.measure_all(block) for quantity in quantities.values()]
     except FlexlinkError:  # one by one, so that each member gets the numbers that can be computed
         return [measured(quantities, block.trajectory(k)) for k in range(len(block.members))]
     return [(values, "") for values in zip(*columns, strict=True)]

@@ -18,11 +18,11 @@ from flexlink.common.versions import __version__
 from flexlink.common.wording import did_you_mean, truncated
 from flexlink.data import documents
 from flexlink.data.documents import is_user_file
-from flexlink.describe.scene import FIELDS, Scene
+from flexlink.describe.scene import Scene
 from flexlink.describe.scene_file import refuse_scene, scene_named
 from flexlink.describe.spec import Spec, check_keys, decode, fields_of
 from flexlink.describe.variants import Variants
-from flexlink.describe.vary import apply_changes, top_level_keys
+from flexlink.describe.vary import top_level_keys
 from flexlink.engines import ENGINES
 from flexlink.sweeps.measures import SweepOutput
 from flexlink.sweeps.ranges import MAX_MEMBERS, Axis, RandomDesign, grid_axis, sample_axis, together_axis
@@ -185,12 +185,6 @@ class Plan:
         lists = [table.get("engine") for table in (sweep.grid, sweep.together, sampled)]
         lists += [[sweep.set.get("engine", "native")]]
         return {str(name) for names in lists if isinstance(names, list) for name in names}
-
-    def check_paths(self) -> None:
-        """Check that every key is a path of the scene; values are checked member by member."""
-        changes = {**self.sweep.set, **self.values(0)}
-        changes.pop("engine", None)
-        apply_changes(self.sweep.scene.document(), FIELDS, changes)
 
     def _check(self) -> None:
         keys, outputs = self.sweep.keys, tuple(self.sweep.quantity)

@@ -234,8 +234,7 @@ _halton_moves = Lock()
 
 def point(method: str, dimensions: int, count: int, seed: int, k: int) -> list[float]:
     """Return point `k` of `count`: one number 0 ≤ u < 1 per dimension."""
-    coordinates: list[float] = _block(method, dimensions, count, seed, k // BLOCK)[k % BLOCK]
-    return coordinates
+    return _block(method, dimensions, count, seed, k // BLOCK)[k % BLOCK]
 
 
 @functools.lru_cache(maxsize=16)
@@ -267,8 +266,7 @@ def _latin(dimensions: int, count: int, seed: int) -> Array:
     cells = np.tile(np.arange(1, count + 1), (dimensions, 1))
     for row in cells:
         rng.shuffle(row)
-    points: Array = (cells.T - inside) / count
-    return points
+    return np.asarray((cells.T - inside) / count)
 
 
 @functools.lru_cache(maxsize=2)

@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from flexlink.pages.colours import BLUE, ENGINES, GREEN, GREY, INK, ORANGE, VERMILION
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import WIDTH, legend_above, stacked_axes, tidy_logs
+from flexlink.pages.style import WIDTH, stacked_axes, tidy_logs
 from reports.chapters import chapter_of_kinds, sections
-from reports.curves import floats
+from reports.curves import floats, legend_above
 from reports.figures import figure
 from reports.measurements import WHAT, Group, groups_of
 from reports.results import Results, used

@@ -17,8 +17,9 @@ from flexlink.common.types import Array
 from flexlink.pages.colours import BLUE, ENGINES, GREEN, GREY, ORANGE, PALE, PAPER, PURPLE, SKY, VERMILION, engine_name
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import WIDTH, legend_above, legend_over, stacked_axes, tidy_logs
+from flexlink.pages.style import WIDTH, legend_over, stacked_axes, tidy_logs
 from flexlink.pages.tables import columns_csv, table_csv
+from reports.curves import legend_above
 from reports.figures import figure
 from reports.results import Results
 

@@ -9,8 +9,8 @@ import numpy as np
 from flexlink.pages.colours import BLUE, CYCLE, ENGINES, GREEN, GREY, INK, MARKERS, VERMILION, look_of
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import legend_above, stacked_axes, tidy_linear, tidy_logs
-from reports.curves import curves, floats, groups, put_labels
+from flexlink.pages.style import stacked_axes, tidy_linear, tidy_logs
+from reports.curves import curves, floats, groups, legend_above, put_labels
 from reports.figures import figure
 from reports.results import Results
 from reports.tables import series_csv

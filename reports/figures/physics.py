@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from flexlink.pages.colours import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, VERMILION
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import legend_above, stacked_axes, tidy_logs
-from reports.curves import curves, put_labels
+from flexlink.pages.style import stacked_axes, tidy_logs
+from reports.curves import curves, legend_above, put_labels
 from reports.figures import figure
 from reports.results import Results
 from reports.tables import series_csv

@@ -8,8 +8,8 @@ from statistics import median
 from flexlink.pages.colours import CYCLE, ENGINES, INK
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import legend_above, legend_over, stacked_axes, tidy_logs
-from reports.curves import curves, panels_of
+from flexlink.pages.style import legend_over, stacked_axes, tidy_logs
+from reports.curves import curves, legend_above, panels_of
 from reports.figures import figure
 from reports.results import Results
 from reports.tables import rows_csv, series_csv

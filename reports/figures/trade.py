@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from flexlink.pages.colours import GREEN, GREY, INK, ORANGE, PAPER, SKY, Look
 from flexlink.pages.numbers import JOIN, number
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import WIDTH, legend_above, legend_over, stacked_axes, tidy_logs
+from flexlink.pages.style import WIDTH, legend_over, stacked_axes, tidy_logs
 from flexlink.pages.tables import columns_csv, table_csv
 from reports.contests import ADVISE, AIM, CONTESTS, Contest, Scene, best, fronts, scenes
+from reports.curves import legend_above
 from reports.figures import figure
 from reports.formulations import WHAT, looks, series_of
 from reports.prices import AIMS, LOOKS, OURS, Price, Run, errors, front, named, prices, runs, works

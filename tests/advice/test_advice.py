@@ -17,12 +17,11 @@ from flexlink.advice import refinement as refining
 from flexlink.advice import rigid
 from flexlink.advice.advise import Advisor
 from flexlink.advice.goal import Goal, Thresholds, TipErrorNorm, goal_of
-from flexlink.advice.link_errors import LinkErrors
 from flexlink.advice.model import FAMILIES, Axes, Bend, Model, by_rule, rule_of, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.advice.refinement import AxisScreening, Level, RefinementStudy, load_and_bend, may_pay
 from flexlink.advice.rigid import release
-from flexlink.advice.search import Allocation, Search
+from flexlink.advice.search import Allocation, LinkErrors, Search
 from flexlink.advice.verdict import Advice
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.results.convergence import Limit
@@ -70,6 +69,8 @@ class Beams:
 
     def from_limit(self, tip: Array) -> float:
         return NORM(tip)
+
+    solution = LinkErrors.solution
 
 
 def hinges_of(model: Model | None) -> int:
@@ -786,9 +787,8 @@ def test_two_levels_that_agree_do_not_lower_the_error_estimate_too_far() -> None
 
 
 def test_an_incomplete_run_is_not_accepted_however_small_its_error(advised: Any) -> None:
-    errors = SimpleNamespace(from_limit=lambda tip: 1e-9)
-    search = Search(cast("Any", None), cast("Any", errors), 1e-3)
-    good = Outcome(PATH, 1.0, None, Stepping("Radau5", tolerance=1e-5))
+    search = Search(cast("Any", None), cast("Any", Beams()), 1e-3)
+    good = Outcome(1e-9 * PATH, 1.0, None, Stepping("Radau5", tolerance=1e-5))
     assert not search.accept((None,), good._replace(reason="did not end"))
     assert search.solution is None
     assert search.accept((None,), good)

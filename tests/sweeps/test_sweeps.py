@@ -30,10 +30,10 @@ from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.batch import outcomes
 from flexlink.sweeps import plan as plans
 from flexlink.sweeps import ranges, worker
-from flexlink.sweeps.execution import MAX_WORKER_DEATHS, Execution
 from flexlink.sweeps.measures import REDUCTIONS, SweepOutput, measured
 from flexlink.sweeps.plan import Plan
 from flexlink.sweeps.ranges import RandomDesign, Range, Spread
+from flexlink.sweeps.run import MAX_WORKER_DEATHS, Execution
 from flexlink.sweeps.store import Store
 from flexlink.sweeps.table import SweepRows
 from flexlink.sweeps.worker import Row
@@ -419,9 +419,7 @@ def test_rows_do_not_depend_on_the_executor_or_an_interruption(tmp_path: Path, p
     kept = lines(out)
     ran = []
     real = worker.rows_of
-    monkeypatch.setattr(
-        "flexlink.sweeps.execution.rows_of", lambda *question: (ran.extend(question[2]), real(*question))[1]
-    )
+    monkeypatch.setattr("flexlink.sweeps.run.rows_of", lambda *question: (ran.extend(question[2]), real(*question))[1])
     again = fl.sweep(sweep, out=out, progress=seen.append)
     assert again == whole
     assert sorted(ran) == [row[0] for row in again.rows[len(kept) :]], "no member runs twice"
@@ -451,7 +449,7 @@ def test_a_changed_sweep_is_refused_and_not_mixed_in(tmp_path, paper, change, pa
 
 def test_a_changed_scene_version_or_file_is_refused(tmp_path: Path, paper: fl.Scene, monkeypatch) -> None:
     sweep, out = masses(paper, 0.0), tmp_path / "sweep.db"
-    for module in ("plan", "execution", "worker"):  # the message must not change with each release
+    for module in ("plan", "run", "worker"):  # the message must not change with each release
         monkeypatch.setattr(f"flexlink.sweeps.{module}.version", lambda: "0.1.0")
     fl.sweep(sweep, out=out)
     with refused(fl.errors.ArgumentError, "rows-of-another-sweep"):
@@ -568,8 +566,8 @@ def test_the_second_of_two_sweeps_that_create_one_file_is_refused(tmp_path: Path
 FILLS_THE_DISK = """
 import resource, sys
 from flexlink.cli.main import main
-from flexlink.sweeps import execution
-execution.TASK_SECONDS = 1e-9  # eight members and one commit per task
+from flexlink.sweeps import run
+run.TASK_SECONDS = 1e-9  # eight members and one commit per task
 resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000))
 sys.exit(main(["sweep", sys.argv[1], "--out", sys.argv[2]]))
 """
@@ -623,7 +621,7 @@ def test_two_workers_give_the_same_rows_as_one(tmp_path: Path, paper: fl.Scene) 
 
 
 def test_rows_of_two_versions_are_not_mixed(paper: fl.Scene, monkeypatch) -> None:
-    monkeypatch.setattr("flexlink.sweeps.execution.version", lambda: "0.1.0")
+    monkeypatch.setattr("flexlink.sweeps.run.version", lambda: "0.1.0")
     monkeypatch.setattr(worker, "version", lambda: "0.0.9")
     with refused(fl.errors.EngineError, "versions-differ"):
         fl.sweep(masses(paper, 0.0))
@@ -707,7 +705,7 @@ def execution(**state: object) -> Execution:
 
 
 def test_tasks_of_vectorized_members_fill_all_lanes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("flexlink.sweeps.execution.goes_side_by_side", lambda plan, number: True)
+    monkeypatch.setattr("flexlink.sweeps.run.goes_side_by_side", lambda plan, number: True)
     missing = iter(range(100))
     sizes = [len(execution(size=size)._next(missing)) for size in (1, LANES, 2 * LANES + 3)]
     assert sizes == [LANES, LANES, 2 * LANES]
@@ -715,7 +713,7 @@ def test_tasks_of_vectorized_members_fill_all_lanes(monkeypatch: pytest.MonkeyPa
 
 
 def test_a_member_fails_after_ending_three_workers(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("flexlink.sweeps.execution.failed_row", lambda plan, number, reason: (number, reason))
+    monkeypatch.setattr("flexlink.sweeps.run.failed_row", lambda plan, number, reason: (number, reason))
     deadly = execution(pool=SimpleNamespace(replace=lambda: True))
     answers = [deadly._after_death([7]) for _ in range(MAX_WORKER_DEATHS)]
     assert answers[:2] == [[], []]

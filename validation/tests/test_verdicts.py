@@ -21,6 +21,7 @@ from reports.reference import Reference, read, save
 from reports.results import Results
 from reports.speed_limits import reason_of, reasons, speed_table
 from tests.support.words import refused, reviewed
+from validation.judgement import passing
 from validation.kinds import KINDS
 from validation.store import Conditions, Finished, Store
 from validation.tests.studies import (
@@ -46,6 +47,12 @@ def verdicts(page: str, key: str) -> str:
     shown = shown[shown.index("Verification:") :].partition(" Known limitations ")[0]
     reviewed(f"verdicts: {key}", shown)
     return shown
+
+
+def test_counts_of_passed_checks_are_in_the_singular_and_the_plural() -> None:
+    assert [passing(*counts) for counts in ((1, 1), (1, 2), (2, 2))] == [
+        "1 of 1 check passes", "1 of 2 checks passes", "2 of 2 checks pass",
+    ]  # fmt: skip
 
 
 def test_the_first_screen_names_versions_date_and_machine(tmp_path: Path) -> None:

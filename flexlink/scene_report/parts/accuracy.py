@@ -10,9 +10,9 @@ import numpy as np
 from flexlink.pages.colours import BLUE, CYCLE, GREY, INK, MARKERS
 from flexlink.pages.numbers import number, percent
 from flexlink.pages.part import Part
-from flexlink.pages.picture import Picture
+from flexlink.pages.picture import Picture, picture_of
 from flexlink.pages.style import legend_over, stacked_axes
-from flexlink.pages.tables import Table, columns_csv, table_csv
+from flexlink.pages.tables import Table, table_csv
 from flexlink.pages.verdict import State, Verdict
 from flexlink.scene_report.refinement import ENOUGH, Choice, Refinement
 from flexlink.scene_report.study import Study
@@ -130,7 +130,7 @@ def _in_time(about: Refinement) -> Picture | None:
     """Plot the tip's distance from the limit along the run, for every discretisation."""
     if about.limit is None or not about.is_accurate:
         return None
-    figure, (axes,) = stacked_axes(1, 3.2)
+    _, (axes,) = stacked_axes(1, 3.2)
     columns: dict[str, np.ndarray] = {"t [s]": about.run.t}
     curves = {"this scene": about.run.tip}
     for factor, outcome in about.cuts.items():
@@ -145,10 +145,10 @@ def _in_time(about: Refinement) -> Picture | None:
     errors = np.concatenate([column for name, column in columns.items() if name != "t [s]"])
     top, low = float(errors.max()), float(np.quantile(errors, 0.1))  # leave out the start, where all runs agree
     shown = max(0.3 * low, 1e-6 * top), 2 * max(top, about.limit.error)
-    axes.set(yscale="log", ylim=shown, xlabel="time [s]", ylabel="tip error [m]")
-    legend_over(axes, figure=figure)
+    axes.set(yscale="log", ylim=shown, ylabel="tip error [m]")
     caption = "Tip error along the run, relative to the converged model. Dashed: uncertainty of that model."
-    return Picture("convergence", "Convergence with the number of hinges", figure, caption, columns_csv(columns))
+    title = "Convergence with the number of hinges"
+    return picture_of("convergence", title, caption, [axes], "time [s]", columns)
 
 
 def _prices(choices: Sequence[Choice]) -> Picture | None:

@@ -8,9 +8,8 @@ from flexlink.dynamics import rounding
 from flexlink.pages.colours import BLUE, CYCLE, INK
 from flexlink.pages.numbers import number, percent
 from flexlink.pages.part import Part
-from flexlink.pages.picture import Picture
-from flexlink.pages.style import legend_over, stacked_axes, tidy_linear
-from flexlink.pages.tables import columns_csv
+from flexlink.pages.picture import Picture, picture_of
+from flexlink.pages.style import stacked_axes, tidy_linear
 from flexlink.pages.verdict import State, Verdict
 from flexlink.scene_report.study import Study
 
@@ -45,7 +44,7 @@ def _picture(study: Study) -> Picture:
     run = study.run
     assert run.work is not None
     bends = study.bends
-    figure, axes = stacked_axes(3 if bends else 2, 1.8)
+    _, axes = stacked_axes(3 if bends else 2, 1.8)
     parts = {"kinetic": run.energy.kinetic, "gravity": run.energy.gravity, "elastic": run.energy.elastic}
     columns = {"t [s]": run.t}
     for (name, values), colour in zip(parts.items(), CYCLE, strict=False):
@@ -58,11 +57,10 @@ def _picture(study: Study) -> Picture:
             tidy_linear(axes[1])
     axes[0].plot(run.t, run.work, color=INK, linestyle="--", label="work W")
     axes[0].set_ylabel("change [J]")
-    legend_over(axes[0])
     axes[-1].plot(run.t, run.imbalance, color=BLUE)
-    axes[-1].set(xlabel="time [s]", ylabel="energy error [J]")
+    axes[-1].set_ylabel("energy error [J]")
     tidy_linear(axes[-1])
     columns |= {"work [J]": run.work, "imbalance [J]": run.imbalance}
     middle = " Middle: elastic energy on a separate scale." if bends else ""
     caption = f"Top: change of the energies since the start, and work W done on the arm.{middle} Bottom: energy error."
-    return Picture("energy", "Energy balance", figure, caption, columns_csv(columns))
+    return picture_of("energy", "Energy balance", caption, axes, "time [s]", columns, each=True)

@@ -9,9 +9,9 @@ import numpy as np
 from flexlink.pages.colours import CYCLE
 from flexlink.pages.numbers import number
 from flexlink.pages.part import Part
-from flexlink.pages.picture import Picture
-from flexlink.pages.style import NAMED_CURVES, legend_over, stacked_axes
-from flexlink.pages.tables import Cell, Table, columns_csv
+from flexlink.pages.picture import Picture, picture_of
+from flexlink.pages.style import NAMED_CURVES, stacked_axes
+from flexlink.pages.tables import Cell, Table
 from flexlink.pages.verdict import Fact
 from flexlink.results.pictures.colouring import colouring
 from flexlink.results.pictures.film import placed
@@ -74,7 +74,7 @@ def _table(study: Study) -> Table:
 
 def _picture(study: Study, driven: list[int]) -> Picture:
     run, chain = study.run, study.chain
-    figure, axes = stacked_axes(2 if driven else 1, 2.2)
+    _, axes = stacked_axes(2 if driven else 1, 2.2)
     columns = {"t [s]": run.t}
     bending = np.linalg.norm(run.loads.moment[..., 1:], axis=2)
     for place, body in enumerate(roots := [chain.body(int(k)) for k in chain.active] or [0]):
@@ -88,28 +88,23 @@ def _picture(study: Study, driven: list[int]) -> Picture:
         label = chain.joint_name(k) if place < NAMED_CURVES else None
         axes[1].plot(run.t, run.tau[:, k], color=CYCLE[place % len(CYCLE)], label=label)
         axes[1].set_ylabel(f"drive [{'; '.join(sorted({chain.torque_units[k] for k in driven}))}]")
-    for panel in axes:
-        legend_over(panel)
-    axes[-1].set_xlabel("time [s]")
     caption = "Largest bending moment of each link" + ("; drive torques." if driven else ".")
-    return Picture("loads", "Loads over time", figure, caption, columns_csv(columns))
+    return picture_of("loads", "Loads over time", caption, axes, "time [s]", columns, each=True)
 
 
 def _of_ties(study: Study) -> Picture:
     """Plot the forces of ties, and the torques of those on revolute joints; of forces with a direction, the size."""
     run, arm, columns = study.run, study.scene.arm, {"t [s]": study.run.t}
     units = [arm.links[arm.number(t.link or 1) - 1].joint.terms.torque if t.on_joint else "N" for t in study.scene.ties]
-    figure, axes = stacked_axes(len(kinds := sorted(set(units))), 2.2)
+    _, axes = stacked_axes(len(kinds := sorted(set(units))), 2.2)
     for place, ((name, force), unit) in enumerate(zip(run.tie_forces.items(), units, strict=True)):
         columns[f"{name} [{unit}]"] = size = force if force.ndim == 1 else np.linalg.norm(force, axis=1)
         look = {"color": CYCLE[place % len(CYCLE)], "label": name if place < NAMED_CURVES else None}
         axes[kinds.index(unit)].plot(run.t, size, **look)
     for panel, unit in zip(axes, kinds, strict=True):
         panel.set_ylabel(f"{'torque' if unit == 'N m' else 'force'} [{unit}]")
-        legend_over(panel)
-    axes[-1].set_xlabel("time [s]")
     caption = "Positive where a tie pulls. Of ties that hold a point in several directions: the size of the force."
-    return Picture("ties", "Forces of ties", figure, caption, columns_csv(columns))
+    return picture_of("ties", "Forces of ties", caption, axes, "time [s]", columns, each=True)
 
 
 AT_ONCE = 500  # samples per batch, which limits the memory

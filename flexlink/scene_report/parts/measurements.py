@@ -43,7 +43,9 @@ def made(study: Study) -> Part | None:
         f"{number(float(comparison.t[0]))} to {number(float(comparison.t[-1]))} s"
     )
     first += f"; {comparison.left_out} outside the run are ignored." if comparison.left_out else "."
-    off, name = _worst(study, comparison)
+    every = comparison.off(study.run)  # the worst column has the largest difference relative to its spread
+    name = max(every, key=lambda name: every[name] / (float(np.nanstd(comparison.measured[name])) or 1.0))
+    off = every[name]
     size = float(np.nanmax(comparison.measured[name]) - np.nanmin(comparison.measured[name]))
     share = f", {percent(off / size)} of the measured range" if size > 0 else ""
     difference = f"RMS difference: {_with_unit(off, name)} in {_bare(name)}{share}."
@@ -88,13 +90,6 @@ def _change(fit: Fit) -> str:
     if not fit.number.is_angle:
         by, spread, unit = 100 * by / fit.number.value, 100 * spread / abs(fit.number.value), " %"
     return f"{by:+.3g} ± {number(spread, 2)}{unit}".replace("-", "−")
-
-
-def _worst(study: Study, comparison: Comparison) -> tuple[float, str]:
-    """Return the RMS difference and the name of the column with the largest difference relative to its spread."""
-    off = comparison.off(study.run)
-    name = max(off, key=lambda name: off[name] / (float(np.nanstd(comparison.measured[name])) or 1.0))
-    return off[name], name
 
 
 def _bare(name: str) -> str:

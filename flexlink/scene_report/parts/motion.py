@@ -10,8 +10,8 @@ from flexlink.dynamics.placement import frames
 from flexlink.pages.colours import CYCLE, GREY
 from flexlink.pages.numbers import number
 from flexlink.pages.part import Part
-from flexlink.pages.picture import Picture
-from flexlink.pages.style import NAMED_CURVES, colour_along, legend_over, stacked_axes
+from flexlink.pages.picture import Picture, picture_of
+from flexlink.pages.style import NAMED_CURVES, colour_along, stacked_axes
 from flexlink.pages.tables import columns_csv, table_csv
 from flexlink.pages.verdict import Verdict
 from flexlink.results.pictures.view import views_of
@@ -61,7 +61,7 @@ def _postures(study: Study) -> Picture:
 def _in_time(study: Study) -> Picture:
     run, chain = study.run, study.chain
     own, kinds = chain.in_own_units(run.q), [*chain.by_unit(chain.active.tolist())] or [(OF_JOINT[False], [])]
-    figure, axes = stacked_axes(len(kinds) + (2 if study.bends else 1), 1.9)
+    _, axes = stacked_axes(len(kinds) + (2 if study.bends else 1), 1.9)
     columns = {"t [s]": run.t}
     for panel, (kind, joints) in zip(axes, kinds, strict=False):
         for place, k in enumerate(joints):
@@ -69,19 +69,14 @@ def _in_time(study: Study) -> Picture:
             panel.plot(run.t, own[:, k], color=CYCLE[place % len(CYCLE)], label=name if place < NAMED_CURVES else None)
             columns[f"{name} [{kind.unit}]"] = own[:, k]
         panel.set_ylabel(f"joint {kind.place} [{kind.unit}]")
-    tip, named = axes[len(kinds)], axes[: len(kinds) + 1]
     for k, axis in enumerate("xyz"):
-        tip.plot(run.t, run.tip[:, k], color=CYCLE[k], label=axis)
+        axes[len(kinds)].plot(run.t, run.tip[:, k], color=CYCLE[k], label=axis)
         columns[f"tip {axis} [m]"] = run.tip[:, k]
-    tip.set_ylabel("tip position [m]")
+    axes[len(kinds)].set_ylabel("tip position [m]")
     if study.bends:
         axes[-1].plot(run.t, 1e3 * study.bent_by, color=CYCLE[3])
         axes[-1].set_ylabel("deflection [mm]")
         columns["tip deflection [m]"] = study.bent_by
-    for panel in named:
-        legend_over(panel)
-    axes[-1].set_xlabel("time [s]")
-    csv = columns_csv(columns)
     words = " and ".join(f"{kind.place}s" for kind, _ in kinds).capitalize()
     caption = f"{words} of the driven joints; tip position in frame 0" + ("; tip deflection." if study.bends else ".")
-    return Picture("motion", "Joint angles and tip", figure, caption, csv)
+    return picture_of("motion", "Joint angles and tip", caption, axes, "time [s]", columns, each=True)

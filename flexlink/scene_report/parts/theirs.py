@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from flexlink.diagnosis.comparison import compare
-from flexlink.diagnosis.diagnosis import Diagnosis
 from flexlink.pages.part import Part
 from flexlink.pages.tables import Table
 from flexlink.pages.verdict import Verdict
@@ -29,15 +28,11 @@ def made(study: Study) -> Part | None:
         (row.quantity, row.error, row.joint if row.error else "", "agrees" if row.passed else "DIFFERS")
         for row in found.rows
     )
-    table = Table("theirs", "Terms of the equation of motion: this scene and the file", heads, lines)
-    return Part(sentences, (_verdict(study, found),), tables=(table,) if lines else ())
-
-
-def _verdict(study: Study, found: Diagnosis) -> Verdict:
-    name = study.against.name if study.against else ""
-    if found.passed:
-        return Verdict("Other file", "pass", "agrees", f"{name} describes the same arm.")
     mistakes = [finding for finding in found.findings if finding.counts]
-    details = f"{name} describes a different arm; see “Other file”."
-    text = f"{name}: {mistakes[0]}" if mistakes else details
-    return Verdict("Other file", "fail", "differs", text)
+    details = f"{study.against.name} describes a different arm; see “Other file”."
+    text = f"{study.against.name}: {mistakes[0]}" if mistakes else details
+    verdict = Verdict("Other file", "fail", "differs", text)
+    if found.passed:
+        verdict = Verdict("Other file", "pass", "agrees", f"{study.against.name} describes the same arm.")
+    table = Table("theirs", "Terms of the equation of motion: this scene and the file", heads, lines)
+    return Part(sentences, (verdict,), tables=(table,) if lines else ())
