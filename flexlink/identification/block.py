@@ -63,7 +63,7 @@ class Colour(NamedTuple):
     @property
     def price(self) -> float:
         """Penalty that the information criterion adds for the coefficients, in units of −2 ln likelihood."""
-        return _price(len(self.a) - 1, len(self.innovations))
+        return (len(self.a) - 1) * math.log(len(self.innovations))
 
     @property
     def memory(self) -> int:
@@ -96,7 +96,7 @@ def colour_of(e: Array) -> Colour:
         power *= 1.0 - k * k
         if power <= 0 or len(f) < 2:
             break
-        criterion = n * np.log(power) + _price(p, n)
+        criterion = n * np.log(power) + p * math.log(n)
         if criterion < least:
             best, least = a, criterion
         f, b = (f + k * b)[1:], (b + k * f)[:-1]
@@ -108,10 +108,6 @@ def unlikelihood(e: Array, times: float = 1.0) -> float:
     colour = colour_of(e)
     w = colour.whitened(e[:, None])
     return len(w) * math.log(max(float(np.mean(w**2)) * times, 1e-300)) + colour.price
-
-
-def _price(order: int, samples: int) -> float:
-    return order * math.log(samples)
 
 
 FAR = 6.0  # distance of an outlier from the median, in standard deviations estimated by the median absolute deviation
@@ -160,9 +156,9 @@ class Block:
         """1 for samples that are used, 0 for outliers that are left out, shape (n,)."""
         return np.ones(len(self.y)) if self.left_out is None else np.where(self.left_out, 0.0, 1.0)
 
-    def with_deviation(self, σ: float) -> Block:
-        """The block with this standard deviation of all its noise."""
-        return dataclasses.replace(self, σ=np.full(len(self.y), σ))
+    def with_deviation(self, σ: float | None) -> Block:
+        """The block with this standard deviation of all its noise; itself if it is None."""
+        return self if σ is None else dataclasses.replace(self, σ=np.full(len(self.y), σ))
 
     @property
     def linear(self) -> list[str]:
@@ -196,8 +192,7 @@ def unit_in(name: str) -> str:
 
 def with_noise_of_data(blocks: Sequence[Block]) -> list[Block]:
     """The blocks of a run; where the noise is neither stated nor coloured, it is estimated from the data."""
-    pairs = [(block, noise_in(block)) for block in blocks]
-    return [block if σ is None else block.with_deviation(σ) for block, σ in pairs]
+    return [block.with_deviation(noise_in(block)) for block in blocks]
 
 
 def noise_in(block: Block) -> float | None:

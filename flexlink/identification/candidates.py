@@ -29,9 +29,8 @@ from flexlink.dynamics.sensors.signals import check_placements
 from flexlink.identification import experiments as kinds
 from flexlink.identification.block import LINEAR, unit_in
 from flexlink.identification.coordinates import Coordinate
-from flexlink.identification.data import Source, at_times, exact, sagged, tapped
+from flexlink.identification.data import Source, as_long, at_times, exact, sagged, tapped
 from flexlink.identification.problem import FitModes, FitParameter, FitProblem, FitRun, FitStatic, files_of
-from flexlink.identification.timing import as_long
 from flexlink.motion.simulate import simulate
 
 Addition = FitRun | FitModes | FitStatic | FitParameter
@@ -209,11 +208,9 @@ class Bench:
 
     def _measurable(self, name: str, pattern: str) -> bool:
         """Whether a column matches, and is not the angle of a hinge of a beam."""
-        if not pattern or not re.fullmatch(pattern, name):
-            return False
-        if not name.startswith(("q ", "qd ", "tau ")):
-            return True
-        return name.partition(" ")[2].rpartition(" [")[0] in self.problem.scene.arm.joint_names
+        joint = name.partition(" ")[2].rpartition(" [")[0]
+        measured = not name.startswith(("q ", "qd ", "tau ")) or joint in self.problem.scene.arm.joint_names
+        return measured and bool(pattern) and re.fullmatch(pattern, name) is not None
 
     def _links(self, experiment: kinds.MotionExperiment) -> list[str]:
         """Names of the driven links, on each of which a motion is tried; "" if its paths name no link."""

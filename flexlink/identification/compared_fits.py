@@ -235,16 +235,14 @@ def _require_same(name: str, one: Fitted, other_name: str, other: Fitted) -> Non
     """Refuse fits of different data."""
     mine, theirs = ({(c.source, c.name, c.use): c for c in each.columns} for each in (one, other))
     apart = [*(mine.keys() ^ theirs.keys())]
-    apart += [key for key in mine.keys() & theirs.keys() if not _equal(mine[key], theirs[key])]
+    apart += [
+        key for key in mine.keys() & theirs.keys()
+        if not all(np.array_equal(getattr(mine[key], what), getattr(theirs[key], what)) for what in ("t", "measured"))
+    ]  # fmt: skip
     if apart:
         source, column, use = min(apart)
         text = f"{column} of {source} ({use}) differs; expected the same data in all fits"
         raise ArgumentError(f"{name} and {other_name}: {text}", id="data-differ")
-
-
-def _equal(one: FittedColumn, other: FittedColumn) -> bool:
-    t, other_t = (np.empty(0) if each.t is None else each.t for each in (one, other))
-    return np.array_equal(one.measured, other.measured) and np.array_equal(t, other_t)
 
 
 def _bic(fitted: Fitted) -> float:

@@ -13,7 +13,7 @@ import scipy
 from msgspec.structs import replace
 
 from flexlink.chain.lumping import lump
-from flexlink.common.errors import ArgumentError, DataFileError, Diagnostic, SceneError
+from flexlink.common.errors import ArgumentError, DataFileError, Diagnostic, FlexlinkError, SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import did_you_mean, plural
 from flexlink.data.measured import Measured, measured_from, named, read_together
@@ -21,11 +21,14 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.vibration.modal import modes
+from flexlink.dynamics.vibration.steady import first_elastic_frequency
 from flexlink.identification.block import Block
 from flexlink.identification.coordinates import Coordinate, shifted, sought_in, timings
 from flexlink.identification.frequency_response import Response, at_rest, measured_response, predicted, table_of
 from flexlink.identification.problem import FitFrf, FitModes, FitProblem, FitRun, FitStatic, Use, files_of
-from flexlink.identification.timing import as_long, doubts_of_times, in_periods, slowest_mode
+from flexlink.motion.inputs.actuation import initial_wrench
+from flexlink.motion.inputs.initial_state import initial_state
+from flexlink.motion.simulate import simulate
 from flexlink.motion.slopes_of_runs import smooth
 from flexlink.results.samples import sources_of as columns_of
 from flexlink.results.trajectory import Trajectory
@@ -58,7 +61,11 @@ class Source:
 
     def first(self, part: float) -> Source:
         """Return the first part of a run, the fraction `part` of its samples and at least ten samples."""
-        blocks = tuple(_first(block, part) for block in self.blocks)
+        counts = [max(math.ceil(part * len(block.y)), min(10, len(block.y))) for block in self.blocks]
+        blocks = tuple(
+            dataclasses.replace(block, y=block.y[:n], σ=block.σ[:n], t=np.asarray(block.t)[:n])
+            for block, n in zip(self.blocks, counts, strict=True)
+        )
         end = max(float(np.asarray(block.t)[-1]) for block in blocks) + self.margin
         run = self.scene.run
         duration = math.ceil((end - self.scene.initial.time) / run.spacing - 1e-6) * run.spacing
@@ -108,9 +115,8 @@ def recorded(problem: FitProblem, run: FitRun) -> Source:
         smooth = replace(smooth, sensor=sensors)
     doubts = (*offset, *doubts_of_times(smooth, blocks, t, hertz))
     margin = sum(abs(one.between[1]) * (1.0 if one.timing != "clock" else t[-1] - t[0]) for one in timings(run))
-    long = as_long(smooth, t, float(margin)) if margin else as_long(smooth, t)
-    blocks = _with_noise(blocks)
-    return Source(run.name, run.use, long, blocks, rate, in_periods(t, hertz), doubts, float(margin))
+    long = as_long(smooth, t, float(margin))
+    return Source(run.name, run.use, long, _with_noise(blocks), rate, in_periods(t, hertz), doubts, float(margin))
 
 
 def _from_start(run: FitRun, scene: Scene, measured: Measured) -> tuple[Measured, tuple[Diagnostic, ...]]:
@@ -189,8 +195,7 @@ def _with_noise(blocks: Sequence[Block]) -> tuple[Block, ...]:
     range_of: dict[str, float] = {}
     for block in blocks:
         range_of[block.unit] = max(range_of.get(block.unit, 0.0), float(np.ptp(block.y)))
-    pairs = [(block, assumed * (range_of[block.unit] or 1.0)) for block in blocks]
-    return tuple(block if block.stated else block.with_deviation(σ) for block, σ in pairs)
+    return tuple(b.with_deviation(None if b.stated else assumed * (range_of[b.unit] or 1.0)) for b in blocks)
 
 
 def exact(scene: Scene, tolerance: float) -> Scene:
@@ -211,16 +216,96 @@ def _noise_of_sensors(scene: Scene, compared: Mapping[str, object]) -> dict[str,
     return found
 
 
-def _first(block: Block, part: float) -> Block:
-    n = max(math.ceil(part * len(block.y)), min(10, len(block.y)))
-    return dataclasses.replace(block, y=block.y[:n], σ=block.σ[:n], t=None if block.t is None else block.t[:n])
-
-
 def at_times(t: Array, samples: Array, times: Array) -> Array:
     """Samples (n, …) at times t, interpolated to `times` by cubic splines; outside, the first and last values hold."""
     if len(times) <= len(t) and np.allclose(t[: len(times)], times, rtol=0, atol=1e-9 * max(float(times[-1]), 1e-3)):
         return np.asarray(samples[: len(times)])
     return np.asarray(scipy.interpolate.CubicSpline(t, samples)(np.clip(times, t[0], t[-1])))
+
+
+# Times of a record, checked against the arm's slowest mode: a record shows a mode if it covers at least a tenth of the
+# mode's period, with two or more samples per period.
+
+
+def slowest_mode(scene: Scene) -> float:
+    """Natural frequency of the slowest elastic mode at rest, with driven joints locked [Hz]; nan if there is none."""
+    try:
+        chain = lump(scene)
+        wrench, frame = initial_wrench(scene, chain)
+        return first_elastic_frequency(chain, initial_state(scene, chain)[0], tip_wrench=wrench, frame=frame)
+    except FlexlinkError:  # for example, an arm without a static equilibrium
+        return np.nan
+
+
+def in_periods(t: Array, hertz: float) -> str:
+    """Text with the length of a record and the number of periods of the slowest mode that it contains.
+
+    >>> print(in_periods(np.linspace(0.0, 3.0, 601), 2.5))
+    3 s, 7.5 periods of the slowest mode, 2.5 Hz
+    """
+    length = float(t[-1] - t[0])
+    periods = f", {length * hertz:.3g} periods of the slowest mode, {hertz:.3g} Hz" if hertz > 0 else ""
+    return f"{length:.4g} s{periods}"
+
+
+def doubts_of_times(scene: Scene, blocks: Sequence[Block], t: Array, hertz: float) -> tuple[Diagnostic, ...]:
+    """Warnings about the times t of a record, shape (samples,) [s]."""
+    shown = 0.1  # smallest length of a record that shows the slowest mode, in periods of this mode
+    length, between = float(t[-1] - t[0]), float(np.median(np.diff(t)))
+    if length * hertz < shown:
+        text = f"the record is {length:.3g} s long, {length * hertz:.2g} of a period of the slowest mode, "
+        text += f"{hertz:.3g} Hz; if its times are in s, name the column 't [s]'"
+        return (Diagnostic(text, "record-too-short"),)
+    if not 2 * between * hertz > 1:
+        return ()
+    spacing = f"samples are {between:.3g} s apart, {length:.4g} s in total: too far apart for the mode of "
+    spacing += f"{hertz:.3g} Hz, which needs a sample every {1 / (2 * hertz):.2g} s or less"
+    if not _swings(scene, blocks, hertz, between):
+        return (Diagnostic(f"{spacing}; this mode is not excited", "sampling-too-slow"),)
+    text = f"{spacing}, and which the simulation excites; if the times are in ms, name the column 't [ms]'"
+    raise DataFileError(text, id="likely-unit")
+
+
+def as_long(scene: Scene, t: Array, margin: float = 0.0) -> Scene:
+    """The scene with a run as long as the record, at its times if possible; with a `margin` [s] longer and finer."""
+    finer = 4  # samples of the run per sample of the record, for times that are shifted
+    between = float(np.median(np.diff(t))) / (finer if margin else 1)
+    length = float(t[-1]) - scene.initial.time + margin
+    for sample in (float(f"{between:.9g}"), scene.run.spacing):
+        duration = max(math.ceil(length / sample - 1e-6), 1) * sample
+        try:
+            return scene.varied({"run.sample": sample, "run.duration": float(f"{duration:.12g}")})
+        except FlexlinkError as error:
+            reason = error
+    raise reason
+
+
+def _swings(scene: Scene, blocks: Sequence[Block], hertz: float, between: float) -> bool:
+    """Whether the simulation deviates from a spline through its samples by a large part of the measured range.
+
+    The simulation covers several periods of the slowest mode and enough samples for a spline. If that takes too long,
+    a straight line replaces the spline.
+    """
+    periods, most, per_period = 20, 400, 20  # smallest and largest number of periods; samples per period
+    few = 8  # smallest number of the record's samples that the simulation covers
+    part = 0.1  # smallest deviation from the spline that counts, relative to the measured range
+    every = max(round(between * hertz * per_period), 1)
+    count = min(max(periods * per_period, few * every), most * per_period)
+    t = np.asarray(scene.initial.time + between / every * np.arange(count), np.float64)
+    try:
+        run = simulate(as_long(scene, t))
+    except FlexlinkError:  # the error is reported when the run itself is needed
+        return False
+    for block in blocks:
+        y = scipy.interpolate.CubicSpline(run.t, run.columns[block.name])(t)
+        if count > few * every // 2:
+            inside = slice(None, (count - 1) // every * every + 1)
+            between_samples = y[inside] - scipy.interpolate.CubicSpline(t[::every], y[::every])(t[inside])
+        else:
+            between_samples = y - np.polyval(np.polyfit(t - t[0], y, 1), t - t[0])
+        if np.ptp(between_samples) > part * np.ptp(block.y):
+            return True
+    return False
 
 
 def tapped(problem: FitProblem, part: FitModes, number: int) -> Source:

@@ -17,9 +17,8 @@ from flexlink.identification.block import Block, with_noise_of_data
 from flexlink.identification.columns import columns_of
 from flexlink.identification.coordinates import Coordinate, coordinates_of, guess_of
 from flexlink.identification.data import sources_of
-from flexlink.identification.estimate import Estimate
 from flexlink.identification.faults import mixups, warnings_of_faults
-from flexlink.identification.fitted import Fitted
+from flexlink.identification.fitted import Estimate, Fitted
 from flexlink.identification.identifiability import Check, checked
 from flexlink.identification.interval import Rise, estimates, profiled, spread_at, widened, without_ends
 from flexlink.identification.likelihood import in_two_steps, information_of

@@ -91,7 +91,11 @@ def measured_response(scene: Scene, part: FitFrf, where: str) -> Response:
     if not kept.any():
         raise DataFileError(f"{where}: no values from {low:g} to {high:g} Hz", id="no-measured-values")
     columns = {name: column[kept] for name, column in columns.items()}
-    H = _complex(columns) * (of_output / of_input)
+    if "real" in columns:
+        H = columns["real"] + 1j * columns["imaginary"]
+    else:
+        H = columns["magnitude"] * np.exp(1j * columns["phase"])
+    H = np.asarray(H * (of_output / of_input))
     γ2 = columns.get("coherence", np.full(len(H), np.nan))
     if not H.any():
         raise DataFileError(f"{where}: the response is zero at all frequencies", id="no-measured-values")
@@ -130,12 +134,6 @@ def _columns(where: str, heads: tuple[str, ...], values: Array, unit: str) -> di
     if (f < 0).any() or (np.diff(f) <= 0).any():
         raise DataFileError(f"{where}: f [Hz]: expected increasing frequencies >= 0", id="frequencies-not-increasing")
     return found
-
-
-def _complex(columns: Mapping[str, Array]) -> Complex:
-    if "real" in columns:
-        return np.asarray(columns["real"] + 1j * columns["imaginary"])
-    return np.asarray(columns["magnitude"] * np.exp(1j * columns["phase"]))
 
 
 def _deviation(where: str, part: FitFrf, γ2: Array) -> Array:

@@ -20,7 +20,7 @@ import scipy
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.identification.block import Colour, colour_of
-from flexlink.identification.estimate import Estimate
+from flexlink.identification.fitted import Estimate
 from flexlink.identification.likelihood import LOSSES, Likelihood
 from flexlink.identification.problem import Loss
 from flexlink.identification.solve import Found, Search

@@ -18,8 +18,7 @@ from flexlink.common.wording import plural, truncated
 from flexlink.describe.scene import Scene
 from flexlink.describe.writing import toml_of, without_defaults
 from flexlink.identification.data_page import Chapters, chapters_of_data, compared, response_picture, response_table
-from flexlink.identification.estimate import Estimate
-from flexlink.identification.fitted import Fitted, FittedColumn
+from flexlink.identification.fitted import Estimate, Fitted, FittedColumn
 from flexlink.identification.identifiability import WIDE, Check, document
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.proposals import Proposals

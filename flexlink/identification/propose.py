@@ -103,8 +103,7 @@ def _at_solution(fitted: Fitted, coordinates: Sequence[Coordinate], sources: Seq
     values = {one.name: one.value for one in fitted.numbers}
     noise = {(one.source, one.name): one.noise for one in fitted.columns if one.t is not None and one.noise > 0}
     for source in sources:
-        pairs = [(block, noise.get((source.name, block.name))) for block in source.blocks]
-        source.blocks = tuple(block if σ is None else block.with_deviation(σ) for block, σ in pairs)
+        source.blocks = tuple(block.with_deviation(noise.get((source.name, block.name))) for block in source.blocks)
     return np.array([one.x(values[one.name]) for one in coordinates])
 
 

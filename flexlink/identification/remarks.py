@@ -15,8 +15,7 @@ from flexlink.describe.vary import parts_of
 from flexlink.identification.block import noise_in, unit_in
 from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.data import Source
-from flexlink.identification.estimate import Estimate
-from flexlink.identification.fitted import FittedColumn
+from flexlink.identification.fitted import Estimate, FittedColumn
 from flexlink.identification.identifiability import Check, Direction
 from flexlink.identification.likelihood import Likelihood
 from flexlink.identification.signals import Signals

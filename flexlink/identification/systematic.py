@@ -39,7 +39,7 @@ from flexlink.describe.sensor import Sensor, column_names
 from flexlink.describe.variants import refined, segments_in_words
 from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.data import Source, recorded
-from flexlink.identification.estimate import Estimate
+from flexlink.identification.fitted import Estimate
 from flexlink.identification.identifiability import WIDE, Check
 from flexlink.identification.likelihood import Likelihood, likelihood
 from flexlink.identification.problem import FitProblem, FitRun
@@ -68,12 +68,11 @@ class Shifts(NamedTuple):
 
 def refined_sources(sources: Sequence[Source], tolerance: float) -> list[Source]:
     """The same data, predicted by models with twice the hinges and with steps by a tolerance."""
-    return [dataclasses.replace(one, scene=_refined(one.scene, tolerance)) for one in sources]
-
-
-def _refined(scene: Scene, tolerance: float) -> Scene:
-    finer = refined(scene, REFINED)
-    return finer if finer.run.controlled else finer.varied({"run.relative_tolerance": tolerance})
+    found, own = [], {"run.relative_tolerance": tolerance}
+    for one in sources:
+        finer = refined(one.scene, REFINED)
+        found.append(dataclasses.replace(one, scene=finer if finer.run.controlled else finer.varied(own)))
+    return found
 
 
 def grid_error(

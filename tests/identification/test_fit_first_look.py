@@ -15,7 +15,7 @@ from flexlink.cli.main import main
 from flexlink.data.measured import measured_from
 from flexlink.identification.block import Block, Colour
 from flexlink.identification.coordinates import Coordinate, coordinate_of, hints_on_bounds, unit_of
-from flexlink.identification.estimate import Estimate
+from flexlink.identification.fitted import Estimate
 from flexlink.identification.identifiability import Check
 from flexlink.identification.interval import HALVINGS, Rise
 from flexlink.identification.likelihood import Likelihood, row_of

@@ -22,14 +22,23 @@ from flexlink.identification import interval, page, solve
 from flexlink.identification.block import SHARE, Block, Colour, colour_of, whiteness
 from flexlink.identification.columns import _given, _modes, _poles, _shapes
 from flexlink.identification.coordinates import Coordinate, coordinate_of, coordinates_of, prior_rows
-from flexlink.identification.data import Source, _noise_of_sensors, _with_noise, at_times, recorded, sagged
+from flexlink.identification.data import (
+    Source,
+    _noise_of_sensors,
+    _with_noise,
+    as_long,
+    at_times,
+    doubts_of_times,
+    in_periods,
+    recorded,
+    sagged,
+)
 from flexlink.identification.fitted import Fitted
 from flexlink.identification.identifiability import checked
 from flexlink.identification.interval import Spread, estimates, spread_of
 from flexlink.identification.likelihood import Likelihood, row_of
 from flexlink.identification.page import identifiability
 from flexlink.identification.signals import Signals
-from flexlink.identification.timing import as_long, doubts_of_times, in_periods
 from flexlink.motion.slopes_of_runs import CENTRAL, CENTRAL_4, FORWARD, Places, mirrored, weights
 from tests.conftest import ROOT
 from tests.support.fits import problem
@@ -459,7 +468,7 @@ class TestTimes:
 
     @pytest.mark.parametrize(("samples_a_period", "seen"), [(1.6, False), (2.5, True)])
     def test_sampling_below_two_samples_per_period_is_reported(self, samples_a_period, seen, monkeypatch) -> None:
-        monkeypatch.setattr("flexlink.identification.timing._swings", lambda *_: False)
+        monkeypatch.setattr("flexlink.identification.data._swings", lambda *_: False)
         t = np.arange(50) / (3.0 * samples_a_period)
         doubts = doubts_of_times(SCENE, film(t, 1.0).blocks, t, 3.0)
         assert (doubts == ()) == seen

@@ -19,8 +19,7 @@ from flexlink.identification import page, remarks, solve
 from flexlink.identification.block import Block, noise_in, outliers_in, white_noise
 from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.data_page import amplitudes
-from flexlink.identification.estimate import Estimate
-from flexlink.identification.fitted import Fitted, FittedColumn
+from flexlink.identification.fitted import Estimate, Fitted, FittedColumn
 from flexlink.identification.identifiability import Check, Direction
 from flexlink.identification.likelihood import Likelihood, row_of
 from flexlink.pages.tables import Table

@@ -12,8 +12,7 @@ from scipy.signal import butter, lfilter
 
 import flexlink as fl
 from flexlink.common.types import Array
-from flexlink.identification.estimate import Estimate
-from flexlink.identification.fitted import Fitted
+from flexlink.identification.fitted import Estimate, Fitted
 from validation.case import Case, Measured
 from validation.kinds import kind
 from validation.oracles.hub_beam import Beam, Drive, Motion, simulate
