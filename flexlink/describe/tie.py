@@ -98,7 +98,7 @@ class Tie(TieEnd, frozen=True, kw_only=True):
     """Name of the tie, for messages."""
     kind: Literal["point", "hinge", "weld", "slider", "distance", "cylinder", "joint", "stop"]
     """What the tie holds: points, points and axes, a point on a line, the distance of points, or a joint."""
-    ratio: Annotated[float | None, measured_in("1", "m/rad", "rad/m")] = None
+    ratio: Annotated[float | None, measured_in("1", "m/rad")] = None
     """For joints of `link` and `to.link`: position of the first per position of the second, as of gears [1], or of a
     rack [m/rad]. Default: 1."""
     length: Annotated[Positive | None, measured_in("m")] = None
