@@ -109,7 +109,7 @@ PUSHED = {"tip_wrench": (0.1, 0.2, 0.3, 0.01, 0.02, 0.03)}
 TABLE: dict[str, Call] = {
     "advise": lambda c, _: fl.advise(c.scene, 0.01, budget=0.01),
     "beam_strain": lambda c, _: fl.strength.beam_strain(
-        c.scene, c.state()[0], link=c.scene.arm.links[-1].name, fibre=(5e-3, 0)
+        c.scene, c.run.q[0], link=c.scene.arm.links[-1].name, fibre=(5e-3, 0)
     ),
     "buckling_loads": lambda c, _: fl.strength.buckling_loads(c.chain, c.start()[0], locked=c.held, **PUSHED),
     "check_fit": lambda c, _: fl.fits.check_fit(_problem(c)),

@@ -361,8 +361,8 @@ def test_the_report_does_not_depend_on_the_number_of_processes(tmp_path: Path, m
     monkeypatch.setattr("reports.drawing.WORTH_A_PROCESS", 2)
     monkeypatch.setattr("os.cpu_count", lambda: 2)
     written_here: list[str] = []
-    save = Picture.save
-    monkeypatch.setattr(Picture, "save", lambda self, *to: written_here.append(self.name) or save(self, *to))  # type: ignore[func-returns-value]
+    shown = Picture.shown
+    monkeypatch.setattr(Picture, "shown", lambda self, *to: written_here.append(self.name) or shown(self, *to))  # type: ignore[func-returns-value]
     shared = build(results, tmp_path / "shared", tmp_path / "none")
     assert 3 <= len(written_here) <= 4, "this process wrote about half of seven pictures"
     names = {file.name for file in alone.parent.iterdir()}
