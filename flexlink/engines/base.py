@@ -17,6 +17,7 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
+from flexlink.describe.run_settings import steps_explicitly
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.forces import drag_torque
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
@@ -31,6 +32,7 @@ from flexlink.results.record import trajectory_from_states
 from flexlink.results.stop_reasons import DivergenceError
 
 Samples = tuple[Array, Array, Array]  # t of shape (samples,); q and q̇ of shape (samples, n)
+Tied = tuple[Array, Array, Array]  # q̈ with ties (n,), their torques Jᵀ λ (n,), (r, 2) g or λ, ġ of exact and other rows
 
 
 class Engine(Protocol):
@@ -176,13 +178,13 @@ def refuse_held_joints(engine: str, chain: Chain) -> None:
         raise ArgumentError(f"{chain.name}: {why}; {remedy}", id="engine-does-not-support")
 
 
-def fixed_steps_problem(scene: Scene, engine: str = "") -> InitialValueProblem:
-    """Return the problem of a scene that other engines can also integrate; a named `engine` holds no joints."""
-    problem = problem_of(scene)
+def fixed_steps_problem(scene: Scene, engine: str = "", *, tied: bool = False) -> InitialValueProblem:
+    """Return the problem of a scene that engines, `tied` or not, also integrate; a named `engine` holds no joints."""
+    problem = problem_of(scene, tied=tied)
     if unknown := problem.chain.forces.keys() - {"drag"}:
         why = f"{scene.name}: other engines do not support {', '.join(sorted(unknown))}; remove it from the scene"
         raise ArgumentError(why, id="arguments-not-counted")
-    if not problem.explicit:
+    if not steps_explicitly(problem.run):
         method = scene.run.method
         why = f"method = {method!r}: other engines need fixed steps of an explicit method; set method and step"
         raise ArgumentError(why, id="engine-method")

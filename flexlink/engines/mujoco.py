@@ -24,6 +24,7 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
+from flexlink.describe.tie import refuse_ties
 from flexlink.engines import base, mujoco_reader, mujoco_tendons
 from flexlink.engines.other_program import OtherProgram, cannot_load, excess_of, refuse_in_files
 from flexlink.engines.read_back import COUPLED_FIELDS, ReadBack
@@ -44,10 +45,13 @@ class MujocoEngine(OtherProgram):
     name, title = "mujoco", "MuJoCo"
     version: str = mujoco.__version__
 
-    def __init__(self, chain: Chain) -> None:
+    def __init__(self, chain: Chain, ties: Scene | None = None) -> None:
+        lacking = [] if ties is None else [tie for tie in ties.ties if tie.times or tie.dissipation]
+        refuse_ties(lacking, "MJCF has no lengths that move and no dissipation")
+        self.has_ties, step = ties is not None, None if ties is None else ties.run.fixed_step
         try:
             with quiet():
-                model = mujoco.MjModel.from_xml_string(to_mjcf(chain, shapes=False))
+                model = mujoco.MjModel.from_xml_string(to_mjcf(chain, shapes=False, timestep=step, ties=ties))
         except ValueError as error:
             raise cannot_load("MuJoCo", repr(chain.name), f"{error}; use another engine") from error
         self._use(model, mujoco_reader.read(model), xml_joint_names(chain), loaded_tip(chain).name)
@@ -156,7 +160,7 @@ class MujocoEngine(OtherProgram):
         run, model, alone = scene.run, self.model, self.coordinates.reference is None and not scene.arm.has_drag
         if alone:
             base.refuse_method(self.title, run.method, ["RK4"])
-        problem = base.fixed_steps_problem(scene, self.title)
+        problem = base.fixed_steps_problem(scene, self.title, tied=self.has_ties)
         if not alone:
             return self.run_in_steps(problem)
         samples = t, q, qd = base.allocate_samples(problem)

@@ -31,6 +31,8 @@ class OtherProgram(base.Engine):
 
     title: str  # name in messages
     coordinates: Coordinates
+    has_ties = False  # whether ties of a scene are held
+    tied: Callable[[float, Array, Array, Array], base.Tied] | None = None  # what ties do at t, q, q̇, and q̈ without them
     coulomb: Array
     coulomb_width: Array
     couplings: NDArray[np.void]
@@ -154,6 +156,8 @@ def _step_function(engine: OtherProgram, problem: InitialValueProblem) -> Callab
             rates[:] = qd
             force = None if wrench is None else wrench(t)
             changes[:] = engine.accelerations(q, qd, tau, force, follows=follows, held=held)
+            if engine.tied is not None:
+                changes[:] = engine.tied(t, q, qd, changes)[0]
         y = y + whole @ F
         if led:
             follow(motion, (number + 1) * h, y[:n], y[n:], held)

@@ -9,6 +9,13 @@ A floating base is Pinocchio's `JointModelFreeFlyer`, whose coordinates are conv
 With joints p of given motion, the equations of the free joints f remain (Featherstone 2008, section 9.2):
 
     M_ff q̈_f = (T_EX − T_FL − T_FR − T_GC)_f − M_fp q̈_p
+
+A tie acts along u at its end b on e = p_a − p_b, which moves relative to axes at b by ė = D q̇ and ë = D q̈ + a:
+
+    g = u · e − l        g̈ = u · (D q̈ + a) + (ė² − (u · ė)²) / |e| − l̈        fraction: of distances, u = e / |e|
+
+Exact rows, J q̈ + γ = 0, leave the motions Z, J Z = 0; springs pull by λ. With b = −J⁺ (J q̈⁰ + γ), q̈⁰ without ties,
+q̈ = q̈⁰ + b − Z (Zᵀ M Z)⁻¹ Zᵀ (M b + Jᵀ λ).
 """
 
 from __future__ import annotations
@@ -26,13 +33,16 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array, Indices
 from flexlink.describe.arm import BASE
 from flexlink.describe.scene import Scene
+from flexlink.dynamics.ties import Rows, tie_rows
 from flexlink.engines import read_back as records
-from flexlink.engines.base import ForeignFile, Samples, fixed_steps_problem
+from flexlink.engines.base import ForeignFile, Samples, Tied, fixed_steps_problem
 from flexlink.engines.coordinates import BASE_JOINTS, Coordinates, Floating
 from flexlink.engines.other_program import OtherProgram, cannot_load, excess_of, refuse_in_files
 from flexlink.engines.read_back import COUPLED_FIELDS, Parts, ReadBack
-from flexlink.formats.document import loaded_tip, xml_joint_names
+from flexlink.formats.document import body_names, loaded_tip, xml_joint_names
 from flexlink.formats.urdf import LIMIT, read_urdf, to_urdf
+from flexlink.kernels.inputs.drive_torque import follow
+from flexlink.kernels.stepping.tie_rows import KIND
 
 
 class PinocchioEngine(OtherProgram):
@@ -41,11 +51,22 @@ class PinocchioEngine(OtherProgram):
     name, title = "pinocchio", "Pinocchio"
     version: str = pin.__version__
 
-    def __init__(self, chain: Chain) -> None:
+    def __init__(self, chain: Chain, ties: Scene | None = None) -> None:
         exported = to_urdf(chain, shapes=False)
         self._parse(exported, xml_joint_names(chain), loaded_tip(chain).name)
         self.excess = excess_of(chain, lambda: read_urdf(exported))
         self.held, self._free = np.flatnonzero(chain.held), np.flatnonzero(~chain.held)
+        self.has_ties, rows = ties is not None, None if ties is None else tie_rows(ties, chain)
+        if rows is not None:
+            (self.rows, self.lengths), names = rows, body_names(chain)
+            self.ends = [[self._end(names, row, end) for end in "ab"] for row in self.rows]
+            self.tied = self._tied
+
+    def _end(self, names: Sequence[str], row: np.void, end: str) -> tuple[int, Any]:
+        """Joint that moves an end of a tie, and its place in the axes of the joint; 0 if the tie is on joints."""
+        fixed = row["kind"] == KIND.joint or row[end] < 0
+        on = self.model.frames[0 if fixed else self.model.getFrameId(names[row[end]], pin.FrameType.BODY)]
+        return on.parentJoint, on.placement * pin.SE3(np.eye(3), row[f"point_{end}"])
 
     @classmethod
     def from_file(cls, file: ForeignFile) -> Self:
@@ -151,7 +172,7 @@ class PinocchioEngine(OtherProgram):
 
     def integrate(self, scene: Scene) -> Samples:
         """Run the scene's Runge-Kutta method as a plain loop over `aba`."""
-        return self.run_in_steps(fixed_steps_problem(scene))
+        return self.run_in_steps(fixed_steps_problem(scene, tied=self.has_ties))
 
     def accelerations(
         self, q: Array, qd: Array, tau: Array, wrench: Array | None, *, follows: bool, held: Array
@@ -171,6 +192,38 @@ class PinocchioEngine(OtherProgram):
         qdd[f] = np.linalg.solve(M[np.ix_(f, f)], rhs[f])
         return qdd
 
+    def _tied(self, t: float, q: Array, qd: Array, qdd: Array) -> Tied:
+        rows, theirs, M, l = self.rows, self.coordinates, self.mass_matrix(q), np.zeros((3, len(self.rows)))
+        drift, v = theirs.drift(q, qd), theirs.rates(q, qd)
+        pin.forwardKinematics(self.model, self.data, theirs.position(q), v, 0 * v if drift is None else drift)
+        pin.computeJointJacobians(self.model, self.data)
+        found = [self._row(row, ends, q, v) for row, ends in zip(rows, self.ends, strict=True)]
+        g, J, γ = map(np.array, zip(*found, strict=True))
+        follow(self.lengths, t, *l)
+        J, l[0], exact = theirs.our_torques(q, J.T).T, l[0] + rows["length"], np.isinf(rows["stiffness"])
+        λ = pulls(rows, g := g - l[0], gd := J @ qd - l[1], l[0])
+        U, sizes, V = np.linalg.svd(np.vstack([J[exact], np.eye(self.n)[self.held]]))
+        r, off = np.count_nonzero(sizes > 1e-10), (J @ qdd + γ - l[2])[exact]
+        b, Z = -V[:r].T @ (U[: len(off), :r].T @ off / sizes[:r]), V[r:].T
+        tied = qdd + b - Z @ np.linalg.solve(Z.T @ M @ Z, Z.T @ (M @ b + J.T @ λ))
+        return tied, M @ (qdd - tied), np.stack([np.where(exact, g, λ), gd], axis=1)
+
+    def _row(self, row: np.void, ends: Sequence[tuple[int, Any]], q: Array, v: Array) -> tuple[float, Array, float]:
+        """g + l, J and J̇ v of a row of ties, in Pinocchio's coordinates."""
+        if row["kind"] == KIND.joint:
+            J = np.eye(self.n)[row["a"]] - row["ratio"] * (row["b"] >= 0) * np.eye(self.n)[row["b"]]
+            return J @ q, self.coordinates.torques(q, J), 0.0
+        A, B = (self.data.oMi[joint] * place for joint, place in ends)
+        at = [(self.model, self.data, *end, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED) for end in ends]
+        J_a, J_b = (pin.getFrameJacobian(*each).reshape(6, -1) for each in at)
+        γ_a, γ_b = (pin.getFrameClassicalAcceleration(*each).vector for each in at)
+        e, ω, α = A.translation - B.translation, J_b[3:] @ v, γ_b[3:]
+        D = J_a[:3] - J_b[:3] + pin.skew(e) @ J_b[3:]
+        w, far = D @ v, np.linalg.norm(e) if row["kind"] == KIND.distance else np.inf
+        a = γ_a[:3] - γ_b[:3] - np.cross(α, e) - np.cross(ω, 2 * w + np.cross(ω, e))
+        u = B.rotation @ row["along"] if far == np.inf else e / far
+        return u @ e, u @ D, u @ a + (w @ w - (u @ w) ** 2) / far
+
     def _wrench_torque(self, q: Array, wrench: Array | None, *, follows: bool = False) -> Array:
         """Return Jᵀ F with the Jacobian of the tip origin in axes of frame 0 or of the tip, linear part first."""
         if wrench is None:
@@ -179,6 +232,16 @@ class PinocchioEngine(OtherProgram):
         theirs = self.coordinates
         J = pin.computeFrameJacobian(self.model, self.data, theirs.position(q), self.tip, frame)
         return theirs.our_torques(q, J.T @ wrench)
+
+
+def pulls(rows: Rows, g: Array, v: Array, l: Array) -> Array:
+    """λ of springs at g, ġ and l; 0 of exact rows."""
+    oil, A, β = rows["bulk"] > 0, rows["areas"], rows["bulk"][:, None]
+    full = np.where(oil[:, None], rows["volumes"] + A * l[:, None], 1.0)
+    p = rows["pressures"] + β * np.log(full / (full + A * g[:, None]))
+    δ, k = g - np.clip(g, rows["low"], rows["high"]), np.where(oil | np.isinf(rows["stiffness"]), 0, rows["stiffness"])
+    λ = k * δ * np.maximum(0.0, 1.0 + rows["dissipation"] * np.sign(δ) * v) + rows["damping"] * v
+    return np.asarray(λ - (A * np.maximum(-101325.0, p)).sum(axis=1))  # 1 atm below the air: empty
 
 
 def _own(elements: Sequence[ET.Element | None], key: str) -> Array:

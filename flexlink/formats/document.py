@@ -170,6 +170,12 @@ def xml_link_names(chain: Chain) -> list[str]:
     return [base] * (1 + own) + names + [tip]
 
 
+def body_names(chain: Chain) -> list[str]:
+    """Return names of the frames of all bodies: of the last coordinate of each, or of a tip."""
+    links, ends = xml_link_names(chain), dict(zip(chain.tips.values(), tips(chain), strict=True))
+    return [ends[k].name if k in ends else links[body["stop"]] for k, body in enumerate(chain.bodies)]
+
+
 def moved_links(chain: Chain, joints: Sequence[str]) -> list[str]:
     """Return names of the frames that `joints` move, without a floating base: links of joints with separate names."""
     named = [own != link for own, link in zip(chain.joints_of_links, chain.link_names, strict=True)]

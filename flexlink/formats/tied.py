@@ -28,7 +28,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.tie import Tie, refuse_ties
 from flexlink.dynamics.forces import Gains
 from flexlink.dynamics.ties import Rows, gaps, rows_by_tie, tie_rows
-from flexlink.formats.document import decimals, tips, valid, xml_joint_names, xml_link_names
+from flexlink.formats.document import body_names, decimals, valid, xml_joint_names
 from flexlink.kernels.inputs.drive_torque import follow
 
 
@@ -65,7 +65,7 @@ def add_ties(root: ET.Element, chain: Chain, scene: Scene, *, timestep: float) -
     length = ties[0]["length"] + moved[0]
     g, J, _ = gaps(ties, bare, np.zeros(bare.n), scene.initial.time)  # g = l₀ − l of distances
     moves = np.abs(J).max(axis=1) > 1e-9 * bare.size
-    joints, bodies = xml_joint_names(chain), _bodies(root, chain, bare)
+    joints, bodies = xml_joint_names(chain), _bodies(root, bare)
     for tie, own in rows_by_tie(scene.ties):
         rows, first = ties[0][own], own.start
         if tie.kind == "distance" and tie.stiffness is None and not moves[first]:
@@ -76,12 +76,10 @@ def add_ties(root: ET.Element, chain: Chain, scene: Scene, *, timestep: float) -
             _on_points(root, bodies, tie, rows, length[first], -g[first])
 
 
-def _bodies(root: ET.Element, chain: Chain, bare: Chain) -> dict[int, ET.Element | None]:
+def _bodies(root: ET.Element, bare: Chain) -> dict[int, ET.Element | None]:
     """Elements of all bodies of a chain without small masses, −1 for frame 0; None: not in the file."""
-    links, ends = xml_link_names(chain), dict(zip(bare.tips.values(), tips(chain), strict=True))
-    names = [ends[k].name if k in ends else links[body["stop"]] for k, body in enumerate(bare.bodies)]
     found = {body.get("name", ""): body for body in root.iter("body")}
-    return {-1: root.find("worldbody")} | {k: found.get(name) for k, name in enumerate(names)}
+    return {-1: root.find("worldbody")} | {k: found.get(name) for k, name in enumerate(body_names(bare))}
 
 
 def _on_joint(root: ET.Element, tie: Tie, row: np.void, joints: Sequence[str]) -> None:
