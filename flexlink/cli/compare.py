@@ -11,7 +11,7 @@ import argparse
 import contextlib
 from typing import Any
 
-from flexlink.chain.lumping import lump
+from flexlink.chain.lumping import lump, open_chain
 from flexlink.cli.shared import prefix_errors, print_lines, varied_scene
 from flexlink.common.errors import ArgumentError
 from flexlink.common.progress import Progress
@@ -60,6 +60,6 @@ def _document(comparison: Comparison | TrajectoryComparison) -> dict[str, object
 def _long_runs(scene: Scene, duration: float | None) -> tuple[str, ...]:
     """A note on the number of steps, if they take each engine a few seconds or more."""
     scene = scene if duration is None else scene.varied({"run.duration": duration})
-    fixed, steps = in_fixed_steps(scene, lump(scene))
+    fixed, steps = in_fixed_steps(scene, lump(open_chain(scene)))
     number = fixed.run.duration / fixed.run.fixed_step
     return () if number < MANY_STEPS else (f"{number:,.0f} steps in each engine, {steps}; --duration shortens it",)

@@ -13,15 +13,16 @@ import numpy as np
 
 from flexlink.chain.arguments import integer, require_each, require_one_of, require_type
 from flexlink.chain.chain import Chain
-from flexlink.chain.lumping import lump
+from flexlink.chain.lumping import lump, open_chain
 from flexlink.common import safe_xml
-from flexlink.common.errors import ArgumentError, DataFileError
+from flexlink.common.errors import ArgumentError, DataFileError, FlexlinkError, SceneError
 from flexlink.common.notebook import html_lines, html_table
 from flexlink.common.types import Array
 from flexlink.data.documents import read_regular, require_path
 from flexlink.describe.scene import Scene
+from flexlink.describe.tie import refuse_ties
 from flexlink.diagnosis.diagnosis import Diagnosis, diagnose, diagnose_file
-from flexlink.diagnosis.quantities import Difference, compare_engines, mixed_states
+from flexlink.diagnosis.quantities import QUANTITIES, Difference, compare_engines, mixed_states, with_ties
 from flexlink.engines import Engine, load, load_here
 from flexlink.engines.base import FileEngine, ForeignFile
 from flexlink.engines.child_process import IsolatedEngine
@@ -81,6 +82,7 @@ def compare(
     Half of the states are random, a quarter balanced, a quarter stretched out (`mixed_states`). For a file, the
     numbers that its engine has read are compared as well, and the likely mistake is given for every difference. Joints
     are then matched by name, by body or by order; the tip wrench is omitted; the scene supplies missing values.
+    With ties the states are closed; q̈, the ties' torques, and each g or spring force λ are compared as well.
 
     Parameters
     ----------
@@ -105,9 +107,9 @@ def compare(
 
     Raises
     ------
-    ArgumentError
+    ArgumentError, SceneError
         `scene` is not a Scene, `samples` is out of range, `seed` < 0, an engine is unknown, or one of `engines`
-        (default: every engine) does not support the arm.
+        (default: every engine) does not support the arm or its ties.
     DataFileError
         The file cannot be read, or has joint types that flexlink does not support.
     EngineError
@@ -126,8 +128,10 @@ def compare(
     require_type("scene", scene, Scene)
     samples, seed = integer("samples", samples, 1, MAX_SAMPLES), integer("seed", seed, 0)
     names = None if engines is None else require_each("engines", engines, str)
-    chain = lump(scene.varied({"motion": ()}))  # all joints are free in the exported files
+    scene = scene.varied({"motion": ()})  # all joints are free in the exported files
+    chain, tied = lump(open_chain(scene)), scene if scene.ties else None
     if file is not None:
+        refuse_ties(scene.ties, "files are compared without ties")
         path = require_path("file", file)
         if names is not None and len(names) != 1:
             raise ArgumentError(f"engines = {names}: one engine reads a file; specify one", id="one-engine-per-file")
@@ -136,25 +140,29 @@ def compare(
         states = [s._replace(wrench=np.zeros(6)) for s in mixed_states(chain, samples, seed=seed)]
         diagnosis = diagnose_file(chain, engine_of_file, states, progress, scene=scene)
         return Comparison(f"{scene.name} and {path}", samples, (diagnosis,))
-    loaded, refused = _loaded(chain, names)
-    native, states = load("native", chain), mixed_states(chain, samples, seed=seed)
-    rows = compare_engines(chain, native, loaded, states, progress=progress)
+    loaded, refused = _loaded(chain, names, tied)
+    native, states, terms = load("native", chain), mixed_states(chain, samples, seed=seed), QUANTITIES
+    if tied is not None:
+        states, terms = with_ties(tied, chain, states)
+    rows = compare_engines(chain, native, loaded, states, quantities=terms, progress=progress)
     of_engine = {engine: [row for row in rows if row.engine == engine.name] for engine in loaded}
     diagnoses = tuple(diagnose(chain, engine, own, states) for engine, own in of_engine.items())
     return Comparison(scene.name, samples, diagnoses, refused)
 
 
-def _loaded(chain: Chain, names: Sequence[str] | None) -> tuple[list[Engine], tuple[str, ...]]:
+def _loaded(chain: Chain, names: Sequence[str] | None, ties: Scene | None) -> tuple[list[Engine], tuple[str, ...]]:
     """The engines, all of those named, or of the default ones those that can load the chain and why others cannot."""
-    if names is not None:
-        return [load(name, chain) for name in names], ()
-    loaded, errors = list[Engine](), dict[str, ArgumentError]()
-    for name in ("pinocchio", "mujoco"):
+    loaded, errors = list[Engine](), dict[str, FlexlinkError]()
+    for name in ("pinocchio", "mujoco") if names is None else names:
         try:
-            loaded.append(load(name, chain))
-        except ArgumentError as error:
+            soft = [] if ties is None or name != "mujoco" else ties.ties
+            refuse_ties(soft, "ties of MuJoCo give way; compare runs by compare_trajectories")
+            loaded.append(load(name, chain, ties=ties))
+        except (ArgumentError, SceneError) as error:
+            if names is not None:
+                raise
             errors[name] = error
-    if not loaded:
+    if not loaded and errors:
         raise errors["pinocchio"]
     return loaded, tuple(f"{name}: {error}" for name, error in errors.items())
 

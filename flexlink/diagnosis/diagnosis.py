@@ -37,7 +37,7 @@ from flexlink.engines.actuators import mark_unspecified, not_compared, taken_fro
 from flexlink.engines.base import Engine, FileEngine, Samples
 from flexlink.engines.read_back import ACTUATOR_FIELDS, COUPLED_FIELDS, ReadBack, of_chain, to_chain
 
-WITHOUT_WRENCH = tuple(name for name in QUANTITIES if "wrench" not in name)
+WITHOUT_WRENCH = {name: term for name, term in QUANTITIES.items() if "wrench" not in name}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -108,12 +108,12 @@ def _verb(names: Sequence[str], verb: str) -> str:
 
 def diagnose(chain: Chain, engine: Engine, rows: Sequence[Difference], states: Sequence[State]) -> Diagnosis:
     """Diagnose an engine that has loaded flexlink's export, if it disagrees."""
-    notes = _by_us(chain, engine.name)
-    if all(row.passed for row in rows):
+    notes, of_arm = _by_us(chain, engine.name), [row for row in rows if row.quantity in QUANTITIES]
+    if all(row.passed for row in of_arm):
         return Diagnosis(engine.name, tuple(rows), notes=notes)
     formats = {"pinocchio": "urdf", "exudyn": "urdf", "mujoco": "mjcf", "drake": "sdf"}
     match, findings = differences(of_chain(chain), engine.read_back(), formats.get(engine.name, engine.name))
-    return dataclasses.replace(_explain(chain, engine, rows, findings, match, states), notes=notes)
+    return dataclasses.replace(_explain(chain, engine, of_arm, findings, match, states), rows=tuple(rows), notes=notes)
 
 
 def _by_us(chain: Chain, engine: str) -> tuple[Diagnostic, ...]:
@@ -199,7 +199,7 @@ def _explain(
     states: Sequence[State],
 ) -> Diagnosis:  # fmt: skip
     """Diagnosis with the quantities that each finding affects, and whether the findings explain all differences."""
-    names, some = [row.quantity for row in rows] or WITHOUT_WRENCH, states[:20]
+    terms, some = {row.quantity: QUANTITIES[row.quantity] for row in rows} or WITHOUT_WRENCH, states[:20]
     tolerance = 10.0  # rounding bounds; more than one, because a record is rotated into frame 0 and back
     singular_mass = "q̈ (M is singular)"
 
@@ -208,9 +208,9 @@ def _explain(
         exact = to_chain(record, chain)
         native, singular = NativeEngine(exact), dict[str, float]()
         try:
-            compared = compare_engines(exact, native, [other], some, quantities=names)
+            compared = compare_engines(exact, native, [other], some, quantities=terms)
         except SingularMassError:
-            defined, singular = [name for name in names if name != "q̈"], {singular_mass: math.inf}
+            defined, singular = {name: terms[name] for name in terms if name != "q̈"}, {singular_mass: math.inf}
             compared = compare_engines(exact, native, [other], some, quantities=defined)
         return {row.quantity: row.error for row in compared if not row.error <= tolerance} | singular
 

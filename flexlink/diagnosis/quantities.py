@@ -3,26 +3,38 @@
     M(q) q̈ + T_GC(q, q̇) + T_FL(q) + T_FR(q̇) = T_EX
 
 Two correct programs differ by at most 1 bound (`dynamics.rounding`). Accelerations are compared by the torque M Δq̈.
+
+With rounding errors ρ of torques and σ of g̈, mostly of flexlink's J̇ q̇ (`tied_motion`), exact ties have
+
+    M δq̈ = (1 − P) ρ + K σ        Jᵀ δλ = P ρ − K σ        K = Jᵀ (J M⁻¹ Jᵀ)⁺,  P = K J M⁻¹
 """
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import NamedTuple
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import SingularMassError
-from flexlink.common.types import Array
+from flexlink.common.errors import FlexlinkError, SingularMassError
+from flexlink.common.types import Array, Indices
 from flexlink.common.wording import plural
+from flexlink.describe.scene import Scene
 from flexlink.dynamics import rounding
+from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.rounding import in_units
 from flexlink.dynamics.singularity import factored_mass
-from flexlink.dynamics.terms import elastic_torque, gravity_torque
-from flexlink.engines.base import Engine
+from flexlink.dynamics.terms import elastic_torque, gravity_torque, mass_matrix
+from flexlink.dynamics.tied_motion import rods_of, tied_acceleration
+from flexlink.dynamics.ties import Ties, closed, gaps, number_of_rows, poses, springs, tie_rows
+from flexlink.engines.base import Engine, Tied
+from flexlink.motion.inputs.initial_state import initial_state
 
 # States for comparing arms: random, balanced, and stretched out.
 #
@@ -43,6 +55,7 @@ class State(NamedTuple):
     qd: Array
     tau: Array
     wrench: Array
+    t: float = 0.0  # of ties whose lengths move
 
     def __repr__(self) -> str:
         return f"<State: {plural(len(self.q), 'joint')}>"
@@ -124,6 +137,7 @@ class Term(NamedTuple):
 
     evaluate: Callable[[Engine, State], Array]
     error: Callable[[Chain, State, Array, Array], Array]
+    names: Sequence[str] = ()  # of the values, if they are not of joints
 
 
 def _bounded(evaluate: Callable[[Engine, State], Array], bound: Callable[[Chain, State], Array | float]) -> Term:
@@ -149,27 +163,72 @@ QUANTITIES: dict[str, Term] = {
 }
 
 
+def _closed(ties: Ties, chain: Chain, start: State, state: State) -> State:
+    """The state with ties closed; if that is singular, or a piston out of its cylinder, halfway to the start, …."""
+    exact, last = np.isinf(ties[0]["stiffness"]), max(ties[1].knots, default=0.0)
+    for share in 0.5 ** np.arange(9.0):
+        t = start.t + share * last
+        with contextlib.suppress(FlexlinkError), warnings.catch_warnings(action="ignore"):  # that joints move
+            q, qd = closed(ties, chain, start.q + share * (state.q - start.q), state.qd, t)
+            factored_mass(chain, q, np.arange(chain.n))
+            g, J, _ = gaps(ties, chain, q, t)
+            sizes, λ = np.linalg.svd(J[exact])[1] / chain.size, springs(ties, t, g, 0 * g)[0]
+            if np.isfinite(λ).all() and not ((sizes > 1e-12) & (sizes < 1e-3)).any():
+                return state._replace(q=q, qd=qd, t=t)
+    return start
+
+
+def with_ties(scene: Scene, chain: Chain, states: Sequence[State]) -> tuple[list[State], dict[str, Term]]:
+    """The states with ties closed, and quantities: also q̈ with ties, their torques, and ġ and g or λ of all rows."""
+    ties = cast(Ties, tie_rows(scene, chain))
+    ours = partial(_of_ties, ties, rods_of(scene, chain), chain.without_forces())  # as in files
+    start = State(*initial_state(scene, chain), np.zeros(chain.n), np.zeros(6), scene.initial.time)
+
+    def term(k: int) -> Term:
+        def evaluate(engine: Any, s: State) -> Array:
+            free = QUANTITIES["q̈"].evaluate(engine, s)
+            found: Tied = ours(s)[0] if engine.name == "native" else engine.tied(s.t, s.q, s.qd, free)
+            return mass_matrix(chain, s.q) @ found[0] if k == 0 else found[k]
+
+        return _bounded(evaluate, lambda _, s: ours(s)[1][k])
+
+    rows = [f"tie {tie.name}" for tie in scene.ties for _ in range(number_of_rows(tie))]
+    terms = {"q̈ with ties": term(0), "torques of ties": term(1), "g, ġ, λ of ties": term(2)._replace(names=rows)}
+    return [_closed(ties, chain, start, state) for state in states], QUANTITIES | terms
+
+
+def _of_ties(ties: Ties, rods: tuple[Indices, Array], chain: Chain, s: State) -> tuple[Tied, Tied]:
+    """What ties do by flexlink, whose J̇ q̇ is a difference over 2e-5 / `fastest`; and rounding errors, of M q̈ for q̈."""
+    rows, exact, (R, p) = ties[0], np.isinf(ties[0]["stiffness"]), poses(chain, s.q)
+    free, (g, J, moves) = forward_dynamics(chain, s.q, s.qd, s.tau, tip_wrench=s.wrench), gaps(ties, chain, s.q, s.t)
+    (qdd, λ), M = tied_acceleration(ties, chain, s.t, s.q, s.qd, free), mass_matrix(chain, s.q)
+    reach = chain.size + sum(np.abs(x).max() for x in (p, rows["point_a"], rows["point_b"]))
+    ends = p[rods[0] - 1] + np.einsum("kij,kj->ki", R[rods[0] - 1], rods[1])
+    far = np.linalg.norm(ends[::2] - ends[1::2], axis=1).min(initial=reach)
+    turn, δ, fastest = reach / far, np.sqrt(chain.n) * rounding.of_reach(reach), max(np.abs(s.qd).max(), 1e-300)
+    rate, gd = turn * np.abs(s.qd).sum(), J @ s.qd + moves  # of a direction, ġ
+    σ = δ * (turn * np.abs(qdd).sum() + 1e5 * rate * fastest) + 2e-11 * reach * (rate**2 / fastest) ** 2
+    less, more = (springs(ties, s.t, g + x, gd + x * rate)[0] for x in (-δ, δ))
+    press = more - less + 1e-14 * (np.abs(λ) + (np.abs(rows["areas"]) * rows["pressures"]).sum(axis=1))
+    ρ = rounding.of_residual(chain, s.q, s.qd, np.abs(free) + np.abs(qdd), s.tau, tip_wrench=s.wrench)
+    ρ = ρ + np.abs(J).T @ press + δ * turn * np.abs(λ).sum()
+    Y = np.linalg.solve(M, J[exact].T)
+    K = J[exact].T @ np.linalg.pinv(J[exact] @ Y, rcond=1e-10)  # as flexlink's multipliers
+    P, both = K @ Y.T, ρ + np.abs(K).sum(axis=1) * σ
+    of_rows = np.stack([np.where(exact, δ, press), np.full(len(rows), δ * rate)], axis=1)
+    errors = both + np.abs(np.eye(chain.n) - P) @ ρ, both + np.abs(P) @ ρ, of_rows
+    return (qdd, J.T @ λ, np.stack([np.where(exact, g, λ), gd], axis=1)), errors
+
+
 @dataclasses.dataclass(frozen=True)
 class Difference:
-    """Largest difference of a quantity between an engine and the native dynamics.
-
-    Attributes
-    ----------
-    engine, quantity
-        Names of the engine and the quantity.
-    error
-        Largest error over states and joints, relative to the rounding bound.
-    joint
-        Name of the joint (for M: of the row) with the largest error.
-    worst
-        State with the largest error.
-    """
+    """Largest difference of a quantity between an engine and the native dynamics."""
 
     engine: str
     quantity: str
-    error: float
-    joint: str
-    worst: State = dataclasses.field(repr=False, compare=False)
+    error: float  # largest one over states and joints, relative to the rounding bound
+    joint: str  # joint with this error, for M of the row; or its tie
+    worst: State = dataclasses.field(repr=False, compare=False)  # state with this error
 
     @property
     def passed(self) -> bool:
@@ -184,20 +243,19 @@ class Difference:
 
 def compare_engines(
     chain: Chain, native: Engine, engines: Sequence[Engine], states: Sequence[State], *,
-    quantities: Iterable[str] = tuple(QUANTITIES), progress: Callable[[float], None] | None = None,
+    quantities: Mapping[str, Term] = QUANTITIES, progress: Callable[[float], None] | None = None,
 ) -> tuple[Difference, ...]:  # fmt: skip
     """Compare the quantities of every engine with the quantities of `native` at the given states."""
-    names, reports = list(quantities), 200  # approximate number of calls of `progress`
     worst: dict[tuple[int, str], Difference] = {}
     for number, state in enumerate(states):
-        for name in names:
-            quantity = QUANTITIES[name]
+        for name, quantity in quantities.items():
             expected = quantity.evaluate(native, state)
             for each, engine in enumerate(engines):
-                errors = quantity.error(chain, state, quantity.evaluate(engine, state), expected).reshape(chain.n, -1)
+                errors = quantity.error(chain, state, quantity.evaluate(engine, state), expected)
+                errors, names = errors.reshape(len(errors), -1), quantity.names or chain.joint_names
                 k = int(np.argmax(np.where(np.isnan(errors), np.inf, errors).max(axis=1)))
-                new = Difference(engine.name, name, float(errors[k].max()), chain.joint_name(k), state)
+                new = Difference(engine.name, name, float(errors[k].max()), names[k], state)
                 worst[each, name] = max(worst.get((each, name), new), new, key=lambda one: one.rank)
-        if progress is not None and (number + 1) % max(1, len(states) // reports) == 0:
+        if progress is not None and (number + 1) % max(1, len(states) // 200) == 0:  # about 200 calls
             progress((number + 1) / len(states))
-    return tuple(worst[each, name] for each in range(len(engines)) for name in names)
+    return tuple(worst[each, name] for each in range(len(engines)) for name in quantities)

@@ -90,7 +90,7 @@ def test_equilibrium_states_show_a_stiffness_error_in_the_acceleration_of_its_jo
         wrong = load(engine, with_stiffness(chain, k, 1 + 1e-9))
 
         def errors(states, wrong=wrong):
-            evaluate, of = QUANTITIES["q̈"]
+            evaluate, of, _ = QUANTITIES["q̈"]
             return np.array([of(chain, s, evaluate(wrong, s), evaluate(native, s)) for s in states])
 
         error = errors(balanced)

@@ -27,7 +27,7 @@ def of_kind(states: list[State], *kind: int) -> list[State]:
 
 def test_random_states_cover_the_full_range_and_repeat_with_the_seed(chain: Chain) -> None:
     states = random_states(chain, 200, seed=3)
-    q, qd, _, wrench = (np.array(part) for part in zip(*states, strict=True))
+    q, qd, _, wrench, _ = (np.array(part) for part in zip(*states, strict=True))
     assert -np.pi < q.min() < -3.1 and 3.1 < q.max() < np.pi
     assert -10 < qd.min() < -9.9 and 9.9 < qd.max() < 10
     assert (wrench.min(axis=0) < -9).all() and (wrench.max(axis=0) > 9).all() and np.abs(wrench).max() < 10
@@ -38,7 +38,7 @@ def test_random_states_cover_the_full_range_and_repeat_with_the_seed(chain: Chai
 def test_a_quarter_of_the_states_is_balanced_to_a_millionth_but_not_exactly(chain: Chain) -> None:
     balanced = of_kind(mixed_states(chain, 40), 1, 5)
     assert len(balanced) == 10
-    for q, qd, tau, wrench in balanced:
+    for q, qd, tau, wrench, _ in balanced:
         held = gravity_torque(chain, q) + elastic_torque(chain, q)
         off = np.abs(tau / held - 1)
         assert 0 < off.max() <= IMBALANCE
@@ -57,7 +57,7 @@ def test_balanced_states_load_all_springs_about_equally() -> None:
 
 def test_a_quarter_of_the_states_is_stretched_out_and_half_of_these_turn(chain: Chain) -> None:
     states = mixed_states(chain, 160)
-    for q, _, tau, wrench in of_kind(states, 3, 7):
+    for q, _, tau, wrench, _ in of_kind(states, 3, 7):
         assert not q[passive(chain)].any() and not tau.any() and not wrench.any()
         assert set(np.degrees(q[chain.active]).round(9)) <= {-90.0, 0.0, 90.0, 180.0}
     assert not any(s.qd.any() for s in of_kind(states, 3))

@@ -111,7 +111,7 @@ def test_in_chaotic_motion_engines_may_differ_as_much_as_two_of_our_runs(monkeyp
     assert twins.passed
     assert "warning: " not in str(twins)
     monkeypatch.setattr(trajectories, "MEANINGFUL_TOLERANCE", 0.0)
-    reviewed("trajectories: motion amplifies rounding", line(str(twins), "warning: "))
+    reviewed("trajectories: motion amplifies errors", line(str(twins), "warning: "))
 
 
 @pytest.mark.parametrize(

@@ -276,7 +276,7 @@ def test_pinocchio_moves_a_prescribed_joint_like_flexlink(flex: str, method: str
 def test_pinocchio_keeps_a_prescribed_joint_at_a_constant_rate() -> None:
     chain = fl.lump(moved(flexible("upper", "xyz", 3, mount=ELBOW), flexible("fore")))
     native, other = load("native", chain), load("pinocchio", chain)
-    for q, qd, tau, wrench in mixed_states(chain, 5):
+    for q, qd, tau, wrench, _ in mixed_states(chain, 5):
         solutions = (
             other.forward_dynamics(q, qd, tau, tip_wrench=wrench),
             native.forward_dynamics(q, qd, tau, tip_wrench=wrench),
@@ -392,7 +392,7 @@ def test_a_record_is_converted_back_to_its_chain(which: str) -> None:
     again = to_chain(of_chain(chain), chain)
     for field in ("stiffness", "damping"):
         assert (again.matrix(field) == chain.matrix(field)).all()
-    for q, qd, _, wrench in mixed_states(chain, 4):
+    for q, qd, _, wrench, _ in mixed_states(chain, 4):
         M, bias = fl.mass_matrix(chain, q), fl.bias_torque(chain, q, qd, tip_wrench=wrench)
         assert fl.mass_matrix(again, q) == pytest.approx(M, abs=1e-13 * np.abs(M).max())
         found = fl.bias_torque(again, q, qd, tip_wrench=wrench)

@@ -49,14 +49,19 @@ def formats(case: Case) -> None:
 
 def engines(case: Case) -> None:
     """Other engines that read an export reproduce M, bias, accelerations, energy and positions up to rounding."""
-    found = fl.compare(case.scene, engines=ENGINES, samples=3)
+    found = fl.compare(case.scene, engines=_able(case), samples=3)
     assert found.passed, str(found)
 
 
 def engine_runs(case: Case) -> None:
     """A run in another engine with the same steps gives the same motion."""
-    found = fl.compare_trajectories(case.scene, engines=ENGINES, duration=0.008)
+    found = fl.compare_trajectories(case.scene, engines=_able(case), duration=0.008)
     assert found.passed, str(found)
+
+
+def _able(case: Case) -> tuple[str, ...]:
+    """Engines, for an arm with ties only Pinocchio: those of MuJoCo give way, and their lengths do not move."""
+    return ENGINES[1:] if case.scene.ties else ENGINES
 
 
 def units(case: Case) -> None:

@@ -133,7 +133,7 @@ def generated_files(case: Case, engines: dict[str, str], samples: int, seed: int
 
 def _errors_of_file(chain: Chain, native: Engine, engine: Engine, state: State) -> dict[str, float]:
     """Errors at one state: M, T_GC relative to the largest element; number of wrong T_FL; q̈ in units of rounding."""
-    (q, qd, tau, wrench), pair = state, (native, engine)
+    (q, qd, tau, wrench, _), pair = state, (native, engine)
     M, other_M = (one.mass_matrix(q) for one in pair)
     bias, other_bias = (one.bias_torque(q, qd, tip_wrench=wrench) for one in pair)
     springs, other_springs = (one.elastic_torque(q) for one in pair)

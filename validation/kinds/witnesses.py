@@ -61,7 +61,7 @@ def _terms(scene: Scene, name: str, samples: int, seed: int) -> Iterator[Measure
         evaluate = QUANTITIES[quantity].evaluate
         worst = max(_relative(evaluate(theirs, state), evaluate(ours, state)) for state in states)
         yield Measured(quantity, worst, scene.name, name, facts)
-    evaluate, error = QUANTITIES["q̈"]
+    evaluate, error, _ = QUANTITIES["q̈"]
     worst = max(float(error(chain, state, evaluate(theirs, state), evaluate(ours, state)).max()) for state in states)
     yield Measured("q̈", worst, scene.name, name, facts)
 
