@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import math
 from typing import NamedTuple
@@ -184,11 +185,9 @@ class ModelRunner:
 
     def fixed_steps(self, largest: float) -> Stepping | None:
         """RK4 with an integer number of steps per sample, at most this long [s]; None if no number fits the scene."""
-        if not largest > 0:
+        if not largest > 0 or not self._divisions:
             return None
         sample, group = self.scene.run.spacing, self._divisions
-        if not group:
-            return None
         per_sample = group * max(1, math.ceil(sample / largest / group * (1 - 1e-9)))
         return Stepping("RK4", sample / per_sample)
 
@@ -197,11 +196,9 @@ class ModelRunner:
         """Smallest number of fixed steps per sample that fits the scene's holds and kinks; 0 if none does."""
         run = self.scene.run
         for parts in range(1, 1001):
-            try:
+            with contextlib.suppress(FlexlinkError):
                 replace(self.scene, run=self._settings(Stepping("RK4", run.spacing / parts)))
-            except FlexlinkError:
-                continue
-            return parts
+                return parts
         return 0
 
     def fixed_steps_cost(self, model: Model, stepping: Stepping) -> float:

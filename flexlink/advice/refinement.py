@@ -86,11 +86,8 @@ class RefinementStudy:
 
     def models(self) -> dict[Model, Outcome]:
         """Outcomes of all levels, by their models."""
-        return {
-            uniform(self.axes, hinges, family): outcome
-            for family, levels in self.levels.items()
-            for hinges, outcome in levels
-        }
+        every = [(family, *level) for family, levels in self.levels.items() for level in levels]
+        return {uniform(self.axes, hinges, family): outcome for family, hinges, outcome in every}
 
     def remove_step_errors(self) -> Array:
         """Remove the levels' step errors from the limit; return the remaining step errors up to each sample [m].
@@ -185,14 +182,10 @@ class RefinementStudy:
         asymptotic = FAMILIES[self.family].asymptotic
         if hinges < asymptotic or last is None:
             return
-        if (
-            not self.levels["lobatto"]
-            and not any(link.strains for link in self.runner.scene.arm.links)  # cells neither shear nor stretch
-            and may_pay(self.runner.scene.arm, last, hinges)
-            and self._is_better("lobatto", (4, 8, 12))
-        ):
-            return
-        if hinges == asymptotic:
+        arm = self.runner.scene.arm
+        apt = not any(link.strains for link in arm.links)  # cells neither shear nor stretch
+        tries = apt and not self.levels["lobatto"] and may_pay(arm, last, hinges)
+        if not (tries and self._is_better("lobatto", (4, 8, 12))) and hinges == asymptotic:
             self._is_better("legendre", (4, asymptotic))
 
     def _is_better(self, family: str, counts: Sequence[int]) -> bool:

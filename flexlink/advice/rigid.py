@@ -77,10 +77,8 @@ def cheapest_run(runner: ModelRunner, strict: Outcome, allowed: float, error: Ca
         if is_better(outcome := runner.run(model, stepping)):
             found = outcome
             break
-    for factor in Thresholds.loose:
-        if runner.least_explicit_cost(model) < found.seconds and is_better(
-            outcome := runner.run(model, Stepping("DOP853", tolerance=factor * allowed))
-        ):
+    for factor in Thresholds.loose if runner.least_explicit_cost(model) < found.seconds else ():
+        if is_better(outcome := runner.run(model, Stepping("DOP853", tolerance=factor * allowed))):
             return outcome
     return found
 

@@ -99,6 +99,5 @@ def time(seconds: float) -> str:
 
 def length(metres: float) -> str:
     """A length with its unit."""
-    return (
-        f"{metres:.3g} m" if metres >= 0.1 else f"{metres * 1e3:.3g} mm" if metres >= 1e-4 else f"{metres * 1e6:.3g} µm"
-    )
+    unit, size = ("m", 1.0) if metres >= 0.1 else ("mm", 1e3) if metres >= 1e-4 else ("µm", 1e6)
+    return f"{metres * size:.3g} {unit}"

@@ -15,7 +15,6 @@ from flexlink.chain.lumping import lump, open_chain
 from flexlink.cli.shared import prefix_errors, print_lines, varied_scene
 from flexlink.common.errors import ArgumentError
 from flexlink.common.progress import Progress
-from flexlink.describe.scene import Scene
 from flexlink.diagnosis.comparison import Comparison, compare
 from flexlink.diagnosis.trajectories import TrajectoryComparison, compare_trajectories, in_fixed_steps
 
@@ -35,7 +34,11 @@ def run_command(options: argparse.Namespace) -> int:
     comparison: Comparison | TrajectoryComparison
     with prefix_errors(options.scene) if options.file is None else contextlib.nullcontext():
         if options.trajectory:
-            print_lines("note", _long_runs(scene, options.duration))
+            over = scene if options.duration is None else scene.varied({"run.duration": options.duration})
+            fixed, steps = in_fixed_steps(over, lump(open_chain(over)))
+            number = fixed.run.duration / fixed.run.fixed_step
+            if number >= MANY_STEPS:
+                print_lines("note", [f"{number:,.0f} steps in each engine, {steps}; --duration shortens it"])
             comparison = compare_trajectories(scene, duration=options.duration, **how)
         else:
             samples = 200 if options.samples is None else options.samples
@@ -55,11 +58,3 @@ def _document(comparison: Comparison | TrajectoryComparison) -> dict[str, object
     else:
         engines = [row._asdict() for row in comparison.rows]
     return {"passed": comparison.passed, "scene": comparison.scene, "engines": engines, "refused": comparison.refused}
-
-
-def _long_runs(scene: Scene, duration: float | None) -> tuple[str, ...]:
-    """A note on the number of steps, if they take each engine a few seconds or more."""
-    scene = scene if duration is None else scene.varied({"run.duration": duration})
-    fixed, steps = in_fixed_steps(scene, lump(open_chain(scene)))
-    number = fixed.run.duration / fixed.run.fixed_step
-    return () if number < MANY_STEPS else (f"{number:,.0f} steps in each engine, {steps}; --duration shortens it",)

@@ -72,14 +72,16 @@ def _formats(options: argparse.Namespace) -> list[str]:
 
 def _code_writers(options: argparse.Namespace) -> dict[Path, Callable[[Chain], str]]:
     """Writers of the requested code files, by path."""
-    both = (options.c, functools.partial(to_c, slopes=options.slopes)), (options.casadi, to_casadi)
     if options.out.suffix in OF_ENGINES and not options.out.exists():
         text = f"--out {options.out}: files are named after the scenes; give their folder, --out {options.out.parent}"
         raise ArgumentError(text, id="unknown-format")
-    for path, end, what in ((options.c, ".c", "C code"), (options.casadi, ".py", "code for CasADi")):
+    to_c_code = functools.partial(to_c, slopes=options.slopes)
+    writers: dict[Path, Callable[[Chain], str]] = {}
+    both = ((options.c, to_c_code, ".c", "C code"), (options.casadi, to_casadi, ".py", "code for CasADi"))
+    for path, write, end, what in both:
         if path is not None:
             ending(path, (end,), what)
-    writers: dict[Path, Callable[[Chain], str]] = {path: write for path, write in both if path is not None}
+            writers[path] = write
     if writers and len(options.scenes) > 1:
         raise ArgumentError("--c, --casadi: one scene per file; export one at a time", id="would-overwrite")
     return writers
@@ -94,10 +96,9 @@ def _chain_and_state(
     state = initial_state(scene, chain) if keyframe or mass is not None else None
     if state is not None and mass is not None:
         added = added_inertia(chain, state[0], mass=mass)
-        notes.append(
-            f"{path}: every massless link gets {mass:g} kg; relative changes in the initial configuration: "
-            f"mass matrix at most +{added:.2g}, frequencies at most −{1 - 1 / math.sqrt(1 + added):.2g}"
-        )
+        gets = f"every massless link gets {mass:g} kg; relative changes in the initial configuration"
+        changes = f"mass matrix at most +{added:.2g}, frequencies at most −{1 - 1 / math.sqrt(1 + added):.2g}"
+        notes.append(f"{path}: {gets}: {changes}")
         chain = with_small_mass(chain, mass=mass)
     return chain, state
 

@@ -40,10 +40,8 @@ def run_command(options: argparse.Namespace) -> int:
     scene, paths = shared.varied(source, imported.scene, options.set), [text.partition("=")[0] for text in options.set]
     doubts = tuple(each for each in imported.warnings if not any(path in each for path in paths))
     options.document = {
-        "scene": scene.to_toml(),
-        "notes": shared.with_ids(imported.notes),
-        "warnings": shared.with_ids(doubts),
-    }
+        "scene": scene.to_toml(), "notes": shared.with_ids(imported.notes), "warnings": shared.with_ids(doubts),
+    }  # fmt: skip
     print(imported)
     shared.print_lines("warning", doubts)
     made = ("material.", "section.")  # equivalent beams of links that are made flexible

@@ -11,7 +11,6 @@ import argparse
 import numpy as np
 
 from flexlink.cli import shared
-from flexlink.common.types import Array
 from flexlink.motion.inversion import Inversion, ShapedMove, invert
 
 
@@ -25,11 +24,10 @@ def run_command(options: argparse.Namespace) -> int:
         found = invert(scene, options.tip, duration=options.duration, tolerance=options.tolerance)
         beside = found.shaped(options.shaper)
     shared.print_lines("warning", found.warnings)
-    largest = np.abs(found.torques).max(axis=0)
     if options.json:
-        options.document = _document(found, beside, options.shaper, largest)
+        options.document = _document(found, beside, options.shaper)
     else:
-        _print(found, beside, options.shaper, largest)
+        _print(found, beside, options.shaper)
     if options.out is not None:
         found.scene.save(options.out)
         shared.print_path("scene", options.out)
@@ -38,40 +36,33 @@ def run_command(options: argparse.Namespace) -> int:
     return 0 if found.met else 1
 
 
-def _names(found: Inversion) -> list[str]:
-    """Names and units of the driven joints' torques."""
+def _torques(found: Inversion) -> list[tuple[str, str, float]]:
+    """Names of the driven joints, and units and values of their largest torques."""
     chain = found.run.chain
-    return [f"{chain.joint_name(int(k))} [{chain.torque_units[k]}]" for k in chain.active]
+    largest = zip(chain.active.tolist(), np.abs(found.torques).max(axis=0).tolist(), strict=True)
+    return [(chain.joint_name(k), chain.torque_units[k], torque) for k, torque in largest]
 
 
-def _document(found: Inversion, beside: ShapedMove, shaper: str, largest: Array) -> dict[str, object]:
+def _document(found: Inversion, beside: ShapedMove, shaper: str) -> dict[str, object]:
     return {
         "scene": found.scene.name, "starts_s": found.starts, "ends_s": found.ends,
         "starts_before_s": found.starts_before, "ends_after_s": found.ends_after,
-        "largest_torques": dict(zip(_names(found), largest.tolist(), strict=True)), "tip_error_m": found.error,
+        "largest_torques": {f"{name} [{unit}]": x for name, unit, x in _torques(found)}, "tip_error_m": found.error,
         "residual_m": found.residual, "distance_m": found.distance, "settles_s": found.settles, "met": found.met,
         "shaped": {"kind": shaper, "lag_m": beside.lag, "settles_s": beside.settles},
     }  # fmt: skip
 
 
-def _print(found: Inversion, beside: ShapedMove, shaper: str, largest: Array) -> None:
-    torques = ", ".join(
-        f"{name.split(' [')[0]} {torque:.4g} {name.split('[')[1][:-1]}"
-        for name, torque in zip(_names(found), largest, strict=True)
-    )
+def _print(found: Inversion, beside: ShapedMove, shaper: str) -> None:
     print(f"{found.scene.name}: the tip moves from {found.starts:.4g} to {found.ends:.4g} s")
     print(f"torques: begin {found.starts_before:.3g} s before the move, end {found.ends_after:.3g} s after it")
-    print(f"largest torques: {torques}")
-    print(
-        f"tip error of the nonlinear run: {1e3 * found.error:.3g} mm, after the move {1e3 * found.residual:.3g} mm; "
-        f"in all directions {1e3 * found.distance:.3g} mm"
-    )
+    print(f"largest torques: {', '.join(f'{name} {x:.4g} {unit}' for name, unit, x in _torques(found))}")
+    error, after, distance = (f"{1e3 * x:.3g} mm" for x in (found.error, found.residual, found.distance))
+    print(f"tip error of the nonlinear run: {error}, after the move {after}; in all directions {distance}")
     within = f"within {1e3 * found.tolerance:g} mm"
     print(f"{within}: {_settles(found.settles)}")
-    print(
-        f"beside it, joint PD with shaper {shaper}: lags by {1e3 * beside.lag:.3g} mm, "
-        f"{within} {_settles(beside.settles)}"
-    )
+    lags = f"lags by {1e3 * beside.lag:.3g} mm"
+    print(f"beside it, joint PD with shaper {shaper}: {lags}, {within} {_settles(beside.settles)}")
 
 
 def _settles(seconds: float) -> str:

@@ -65,11 +65,9 @@ def _show(found: Loop, count: int) -> None:
         return
     for each in found.margins:
         low, high = each.gain
-        print(
-            f"{each.input}: stable with {low:.3g} … {high:.3g} times the torque, phase margin {each.phase:.3g}°, delay "
-            f"margin {1e3 * each.delay:.3g} ms, disk margin {each.disk:.3g}, bandwidth {each.bandwidth:.3g} Hz, "
-            f"sensitivity peak {each.sensitivity:.3g}"
-        )
+        gains = f"stable with {low:.3g} … {high:.3g} times the torque, phase margin {each.phase:.3g}°"
+        rest = f"bandwidth {each.bandwidth:.3g} Hz, sensitivity peak {each.sensitivity:.3g}"
+        print(f"{each.input}: {gains}, delay margin {1e3 * each.delay:.3g} ms, disk margin {each.disk:.3g}, {rest}")
     if found.rate:
         print(
             f"all torques together: stable up to {1e3 * found.largest('drive.delay'):.3g} ms of delay, "

@@ -95,10 +95,8 @@ def first_in_motion(found: Modes, texts: Iterable[str]) -> str:
     first = int(swings[np.argmin(found.hertz[swings])]) if len(swings) else 0
     if not len(swings) or found.kinds[first] == "elastic":
         return f"first elastic frequency: {elastic}, {motion}"
-    return (
-        f"lowest frequency: {found.hertz[first]:.6g} Hz, restored by loads ({found.kinds[first]}); "
-        f"lowest restored by springs (elastic): {elastic}, {motion}"
-    )
+    by_loads = f"{found.hertz[first]:.6g} Hz, restored by loads ({found.kinds[first]})"
+    return f"lowest frequency: {by_loads}; lowest restored by springs (elastic): {elastic}, {motion}"
 
 
 def run_command(options: argparse.Namespace) -> int:

@@ -80,10 +80,8 @@ def _of_states(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
     yield "internal_loads", functools.partial(fl.strength.internal_loads, chain, *state)
     for name in ("solve_static", "modes", "natural_frequencies"):
         yield f"{name} of held joints", functools.partial(getattr(fl, name), chain, locked=held)
-    yield (
-        "buckling",
-        functools.partial(fl.strength.buckling_loads, chain, locked=held, tip_wrench=[-1.0, 0, 0, 0, 0, 0]),
-    )
+    buckling = functools.partial(fl.strength.buckling_loads, chain, locked=held, tip_wrench=[-1.0, 0, 0, 0, 0, 0])
+    yield "buckling", buckling
     floating = fl.lump(scene.varied({"gravity": (0.0, 0.0, 0.0)}))
     spun = {chain.joint_name(int(held[0])): 1.0} if len(held) else {}
     yield "modes in motion", functools.partial(fl.small_motion.modes_in_motion, floating, spun, locked=held[1:])

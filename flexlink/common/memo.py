@@ -88,9 +88,10 @@ class Kept:
         self.types = b""  # of all arguments of a call, if only the owner can change its arrays; empty: may be shared
         self._found: dict[Hashable, tuple[Hashable, Any]] = {}
 
-    def __call__(self, name: Hashable, key: Hashable, find: Callable[[], Any]) -> Any:
+    def __call__(self, name: Hashable, key: Hashable, find: Callable[[], T]) -> T:
         """Return the last result of this name if its key is the same; if not, call `find` and keep its result."""
         last = self._found.get(name)
         if last is None or last[0] != key:
             self._found[name] = last = key, find()
-        return last[1]
+        found: T = last[1]
+        return found

@@ -125,12 +125,10 @@ def prepared(scenes: Sequence[Scene], compared: int | None = None) -> list[Membe
     for number, problem in enumerate(problems):
         if isinstance(problem, FlexlinkError):
             members.append(problem)
+        elif isinstance(warnings := next(checked), FlexlinkError):
+            members.append(warnings)
         else:
-            warnings = next(checked)
-            if isinstance(warnings, FlexlinkError):
-                members.append(warnings)
-            else:
-                members.append(Member(problem, warnings, fits_lanes(problem), number < most))
+            members.append(Member(problem, warnings, fits_lanes(problem), number < most))
     return members
 
 
@@ -153,23 +151,18 @@ def _problems_of(scenes: Sequence[Scene]) -> list[InitialValueProblem | Flexlink
 
 def _acts_alike(one: Scene, scene: Scene) -> bool:
     """Whether two scenes can share inputs: these must not depend on the arm, and runs must not write to them."""
-    free = (
-        not (one.motion or scene.motion or one.wrench.varies or one.wrench.on)
-        and one.drive.kind == scene.drive.kind == "none"
-    )
-    return free and one.wrench == scene.wrench
+    moved = one.motion or scene.motion or one.wrench.varies or one.wrench.on
+    return not moved and one.drive.kind == scene.drive.kind == "none" and one.wrench == scene.wrench
 
 
 def _blocks(members: Iterable[Member]) -> Iterator[list[Member]]:
     block: list[Member] = []
     for member in members:
-        if block and not (member.along and len(block) < LANES and alike(block[0].problem, member.problem)):
+        together = block and block[0].along and member.along and len(block) < LANES
+        if block and not (together and alike(block[0].problem, member.problem)):
             yield block
             block = []
         block.append(member)
-        if not member.along:
-            yield block
-            block = []
     if block:
         yield block
 

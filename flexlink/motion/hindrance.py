@@ -94,16 +94,13 @@ def unstable_loop(record: Record) -> tuple[str, str]:
     from flexlink.motion.loop.instability import instability  # noqa: PLC0415  explains what has failed
 
     about = record.q[0].tobytes(), float(record.t[0])
-    found: tuple[str, str] = record.kept("unstable loop", about, lambda: instability(loop))
-    return found
+    return record.kept("unstable loop", about, lambda: instability(loop))
 
 
 def held_torques_advice(between: float) -> str:
     """Remedy if torques held for `between` [s] destabilize an arm although its steps are stable."""
-    return (
-        f"likely the control loop sampled at {1 / between:.6g} Hz is unstable, not the steps: use lower gains, a "
-        "higher rate, or add armature to the joints"
-    )
+    likely = f"likely the control loop sampled at {1 / between:.6g} Hz is unstable, not the steps"
+    return f"{likely}: use lower gains, a higher rate, or add armature to the joints"
 
 
 def _singular_ties(record: Record, q: Array, t: float) -> tuple[str, str] | None:
@@ -122,12 +119,10 @@ def _singular_ties(record: Record, q: Array, t: float) -> tuple[str, str] | None
     least = int((before > 1e-9 * before[0]).sum()) - 1
     if now[least] > near_a_singular_posture * before[least]:
         return None
-    names = [tie.name for tie in record.problem.scene.ties if tie.exact]
+    names = [repr(tie.name) for tie in record.problem.scene.ties if tie.exact]
     exact = "exact tie" if len(names) == 1 else "exact ties"
-    return (
-        f"singular posture of {exact} {short_list(list(map(repr, names)))}, as of links in one line",
-        "keep the arm away from it, as by shorter lengths of a cylinder, or give a tie stiffness",
-    )
+    remedy = "keep the arm away from it, as by shorter lengths of a cylinder, or give a tie stiffness"
+    return f"singular posture of {exact} {short_list(names)}, as of links in one line", remedy
 
 
 def _locked_gimbal(record: Record, q: Array) -> tuple[str, str] | None:
@@ -140,10 +135,8 @@ def _locked_gimbal(record: Record, q: Array) -> tuple[str, str] | None:
         axes = [*group]
         if len(axes) == 3 and abs(np.cos(q[axes[1]])) < near_gimbal_lock:
             name, angle = chain.joint_name(axes[1]), np.degrees(q[axes[1]])
-            return (
-                f"hinge {name!r} is bent by {angle:.1f}°, near gimbal lock: two of its three axes nearly coincide",
-                "use more segments or a shorter run",
-            )
+            cause = f"hinge {name!r} is bent by {angle:.1f}°, near gimbal lock: two of its three axes nearly coincide"
+            return cause, "use more segments or a shorter run"
     return None
 
 
@@ -164,8 +157,7 @@ def _loop(record: Record) -> Loop | None:
     if not record.inputs.drive.rate or record.tied:
         return None
     about = record.q[0].tobytes(), float(record.t[0])
-    loop: Loop | None = record.kept("loop", about, lambda: _linearized(record))
-    return loop
+    return record.kept("loop", about, lambda: _linearized(record))
 
 
 def _linearized(record: Record) -> Loop | None:

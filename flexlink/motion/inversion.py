@@ -136,11 +136,9 @@ class Inversion(Result):
             return self.run.warnings
         sampled = "check that the sampled loop is stable, or use a higher drive.rate"
         remedy = "use larger gains" if self.scene.drive.rate is None else sampled
-        missed = (
-            f"tip: misses its path by {1e3 * self.error:.3g} mm, more than {1e3 * self.tolerance:.3g} mm; {remedy}, a "
-            "smaller run.tolerance or run.step, or a longer move"
-        )
-        return *self.run.warnings, Diagnostic(missed, "tip-off-path")
+        missed = f"tip: misses its path by {1e3 * self.error:.3g} mm, more than {1e3 * self.tolerance:.3g} mm"
+        text = f"{missed}; {remedy}, a smaller run.tolerance or run.step, or a longer move"
+        return *self.run.warnings, Diagnostic(text, "tip-off-path")
 
     def shaped(self, kind: str = "ZVD") -> ShapedMove:
         """Run the same move by joint PD alone, with an input shaper for the two slowest poles at its end.
@@ -193,10 +191,8 @@ class Inversion(Result):
         return np.asarray(CubicSpline(self.times, self.path)(np.clip(t, self.times[0], self.times[-1])))
 
     def __repr__(self) -> str:
-        return (
-            f"<Inversion of {self.scene.name!r}: torques begin {self.starts_before:.3g} s before the move; "
-            f"tip error {1e3 * self.error:.2g} mm>"
-        )
+        begin = f"torques begin {self.starts_before:.3g} s before the move"
+        return f"<Inversion of {self.scene.name!r}: {begin}; tip error {1e3 * self.error:.2g} mm>"
 
 
 def invert(
@@ -255,10 +251,8 @@ def invert(
     refuse(scene, chain)
     initial = scene.initial
     if initial.q or initial.qd or initial.time or scene.joint_rates.any():
-        raise SceneError(
-            "initial: the arm must start at rest, in equilibrium; leave out q, qd, rate_deg, rate_m and time",
-            id="inversion-not-possible",
-        )
+        why = "initial: the arm must start at rest, in equilibrium; leave out q, qd, rate_deg, rate_m and time"
+        raise SceneError(why, id="inversion-not-possible")
     wrench = scene.tip_wrench
     move = move_of(scene, chain, to, duration, wrench)
     found = feedforward_of(scene, chain, move, wrench)

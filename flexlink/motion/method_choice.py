@@ -56,8 +56,7 @@ def guessed_costs(record: Record, tolerance: float) -> dict[str, float]:
     the scenes. Radau9 needs fewer steps, except where dry friction makes the motion nonsmooth.
     """
     about = record.q[0].tobytes(), tolerance
-    found: dict[str, float] = record.kept("guesses", about, lambda: _guessed_costs(record, tolerance))
-    return found
+    return record.kept("guesses", about, lambda: _guessed_costs(record, tolerance))
 
 
 def _guessed_costs(record: Record, tolerance: float) -> dict[str, float]:
@@ -107,8 +106,7 @@ def price_of_a_step(record: Record, name: str) -> float:
 
 
 def _counted(record: Record) -> tuple[Any, ...]:
-    found: tuple[Any, ...] = record.kept("counted", None, lambda: counted(record.chain, record.inputs.drive))
-    return found
+    return record.kept("counted", None, lambda: counted(record.chain, record.inputs.drive))
 
 
 def tumbles(record: Record) -> bool:
@@ -119,8 +117,7 @@ def tumbles(record: Record) -> bool:
     """
     if record.base is None:
         return False
-    freely: bool = record.kept("tumbles", record.q[0].tobytes(), lambda: _nothing_holds(record))
-    return freely
+    return record.kept("tumbles", record.q[0].tobytes(), lambda: _nothing_holds(record))
 
 
 def _nothing_holds(record: Record) -> bool:
@@ -141,5 +138,4 @@ def fastest_motion(record: Record, q: Array) -> tuple[float, float]:
         stiffness, damping = kept("slopes", q.tobytes() if has_potential(chain) else None, slopes)
         return fastest_of(chain, q, stiffness, damping, kept("posture", None, lambda: scratch(chain)))
 
-    found: tuple[float, float] = kept("fastest", q.tobytes(), find)
-    return found
+    return kept("fastest", q.tobytes(), find)

@@ -298,7 +298,8 @@ class MethodSteps:
     def _compile(self) -> None:
         kept = self.record.kept if self.given is self.record.inputs else Kept()  # compiled code depends on input types
         start, steps = (0.0, self.inputs, self.state, self.tau, self.forward), self._arguments(0)
-        self.types = types = self._types(kept)
+        # types of all arguments of the steps; empty if a user's method file may change them
+        self.types = types = b"" if is_user_file(self.name) or not kept.types else kept.types + self.name.encode()
         self._begin = kept("begin", None, lambda: direct(adaptive.begin, *start, types=kept.types))
         if self.record.tied:
             begin, tied = self._begin, (self.state, self.work)
@@ -308,10 +309,6 @@ class MethodSteps:
         self._take_steps = kept(
             ("steps", self.name), (types, self.method), lambda: direct(adaptive.advance, *steps, types=types)
         )
-
-    def _types(self, kept: Kept) -> bytes:
-        """Types of all arguments of the steps; empty if a user's method file may change them."""
-        return b"" if is_user_file(self.name) or not kept.types else kept.types + self.name.encode()
 
     def _arguments(self, most: int) -> tuple[Any, ...]:
         of_the_method = self.work, self.forward, self.inputs, self.settings

@@ -34,12 +34,8 @@ if TYPE_CHECKING:
     from flexlink.motion.sampled_control import Control
 
 
-FAULTS = {
-    WRONG.kinetic: Diagnostic(
-        "the kinetic energy is negative: M is not positive definite", "mass-not-positive-definite"
-    ),
-    WRONG.finite: Diagnostic("energies or torques overflow float64", "diverged"),
-}
+NEGATIVE = Diagnostic("the kinetic energy is negative: M is not positive definite", "mass-not-positive-definite")
+FAULTS = {WRONG.kinetic: NEGATIVE, WRONG.finite: Diagnostic("energies or torques overflow float64", "diverged")}
 
 
 class Monitor:
@@ -238,8 +234,7 @@ class Monitor:
 
         if not self.run.controlled:
             return balance.NOTHING
-        allowance: Allowance = record.kept(("allowance", name), (self.run, record.least_tolerance), found)
-        return allowance
+        return record.kept(("allowance", name), (self.run, record.least_tolerance), found)
 
     def _far_bends(self, rows: slice) -> Iterator[tuple[int, str, Diagnostic]]:
         """Warning about the first sample in which a hinge is bent too far."""
@@ -313,26 +308,18 @@ class Monitor:
             rounded = float(rounded_away(self.run, q, qd, np.array(self.record.chain.size)))
         moved = self.extent if tip_error or rounded else np.inf
         if tip_error > Thresholds.doubt * Thresholds.tip_share * moved:
-            yield Diagnostic(
-                f"doubtful: step errors add up to {tip_error:.2g} m, "
-                f"{motion_in_words(self.record.chain, moved)}; "
-                "halve the step and compare",
-                "doubtful-step-errors",
-            )
+            text = f"step errors add up to {tip_error:.2g} m, {motion_in_words(self.record.chain, moved)}"
+            yield Diagnostic(f"doubtful: {text}; halve the step and compare", "doubtful-step-errors")
         if rounded > Thresholds.doubt * Thresholds.tip_share * moved:
             largest = np.abs(self.record.q[: self.n_valid]).max()
-            yield Diagnostic(
-                f"doubtful: rounding errors of angles up to {largest:.2g} rad add up "
-                f"to {rounded:.2g} m, while the tip moves {moved:.3g} m; start at angles of a few turns or less",
-                "doubtful-rounding",
-            )
+            text = f"rounding errors of angles up to {largest:.2g} rad add up to {rounded:.2g} m, while the tip moves "
+            text += f"{moved:.3g} m; start at angles of a few turns or less"
+            yield Diagnostic(f"doubtful: {text}", "doubtful-rounding")
         if self.suspicious and not self.confirmed:
             excused, exchanged = self._balance.seen[[SEEN.excused, SEEN.exchanged]]
-            yield Diagnostic(
-                f"doubtful: the energy error is {excused / exchanged:.2g} of the energy exchanged; "
-                f"{'take a tenth of the tolerance' if self.run.controlled else 'halve the step'} and compare",
-                "doubtful-energy",
-            )
+            remedy = f"{'take a tenth of the tolerance' if self.run.controlled else 'halve the step'} and compare"
+            text = f"doubtful: the energy error is {excused / exchanged:.2g} of the energy exchanged; {remedy}"
+            yield Diagnostic(text, "doubtful-energy")
 
     @property
     def _diverges(self) -> bool:

@@ -86,11 +86,9 @@ class Control:
         if not self.sampled:
             raise ArgumentError(f"delay = {delay!r}: needs rate, the sampling rate of the law [Hz]", id="no-effect")
         run, delay = self._problem.run, positive("delay", delay)
-        return (
-            delay
-            if run.controlled
-            else run.fixed_step * whole("delay", delay, run.label("step", "run."), run.fixed_step, ArgumentError)
-        )
+        if run.controlled:
+            return delay
+        return run.fixed_step * whole("delay", delay, run.label("step", "run."), run.fixed_step, ArgumentError)
 
     def torque(self, t: float, q: Array, qd: Array, sensors: dict[str, dict[str, float]] | None = None) -> Array:
         """Torques of the law, limited to the drive's `effort`, shape (d,); `sensors`: readings for the law.
@@ -111,10 +109,9 @@ class Control:
             torque = given.astype(np.float64)
             if is_finite(torque):
                 return np.clip(torque, -self.effort, self.effort) if self.limited else torque
-        raise LawFailure(
-            f"{self._label(t)} returned {truncated(given.tolist())}; expected one finite number per driven joint, "
-            f"shape ({self.joints},)" + "; their angles are q[chain.active]" * (given.shape == q.shape)
-        )
+        wanted = f"expected one finite number per driven joint, shape ({self.joints},)"
+        wanted += "; their angles are q[chain.active]" * (given.shape == q.shape)
+        raise LawFailure(f"{self._label(t)} returned {truncated(given.tolist())}; {wanted}")
 
     def _label(self, t: float) -> str:
         """Time and name of the law, for messages."""
@@ -177,7 +174,8 @@ class Control:
             for i in range(len(c)):
                 t, Q, L[i] = (number + c[i]) * h, q + h * A[i, :i] @ L[:i], qd + h * A[i, :i] @ K[:i]
                 follow(inputs.motion, t, Q, L[i], K[i])
-                tau, middle = self._spread(t, Q, L[i]), (number + 0.5) * h
+                tau, middle = np.zeros(self.chain.n), (number + 0.5) * h
+                tau[self.chain.active] = self.torque(t, Q, L[i])
                 work += h * b[i] * stage(record.scratch, inputs, t, middle, Q, L[i], tau, K[i])
             q += h * b @ L
             qd += h * b @ K
@@ -190,11 +188,6 @@ class Control:
             if record.base is not None and record.is_far(q):
                 record.base.turn(row + 1, q, qd, record.scratch)
         return stop
-
-    def _spread(self, t: float, q: Array, qd: Array) -> Array:
-        tau = np.zeros(self.chain.n)
-        tau[self.chain.active] = self.torque(t, q, qd)
-        return tau
 
 
 def nothing_read(chain: Chain) -> Array:
@@ -242,43 +235,29 @@ def control_of(
     if law is None:
         for name, given in (("rate", rate), ("delay", delay or None)):
             if given is not None:
-                raise ArgumentError(
-                    f"{name} = {given!r}: has no effect without control; specify control, or omit {name}",
-                    id="no-effect",
-                )
+                text = f"{name} = {given!r}: has no effect without control; specify control, or omit {name}"
+                raise ArgumentError(text, id="no-effect")
         return None
     run, scene = problem.run, problem.scene
     if scene.drive.kind != "none":
-        raise ArgumentError(
-            f"control: the scene also has a drive, {scene.drive.kind!r}; "
-            "specify only one: scene.varied({'drive': None}) removes the drive",
-            id="both-given",
-        )
+        remedy = "specify only one: scene.varied({'drive': None}) removes the drive"
+        raise ArgumentError(f"control: the scene also has a drive, {scene.drive.kind!r}; {remedy}", id="both-given")
     if rate is None and problem.ties is not None:
         why = "control: with ties, a control law needs a rate; specify rate"
         raise ArgumentError(why, id="controller-needs-rate")
     if rate is None and not problem.explicit:
-        what = (
-            "the default tolerance"
-            if run.by_default
-            else "a tolerance"
-            if run.controlled
-            else f"method = {run.method!r}, which is implicit"
-        )
-        raise ArgumentError(
-            f"control: with {what}, a control law needs a rate; specify rate, or use fixed steps of an explicit "
-            "method: run.step, such as 1e-4, and run.method = 'RK4'",
-            id="controller-needs-rate",
-        )
+        implicit = f"method = {run.method!r}, which is implicit"
+        what = "the default tolerance" if run.by_default else "a tolerance" if run.controlled else implicit
+        remedy = "use fixed steps of an explicit method: run.step, such as 1e-4, and run.method = 'RK4'"
+        why = f"control: with {what}, a control law needs a rate; specify rate, or {remedy}"
+        raise ArgumentError(why, id="controller-needs-rate")
     if takes_sensors(law):
         if not scene.sensor:
-            raise ArgumentError(
-                "control: has the parameter sensors, but the scene has no [[sensor]]; add one", id="no-sensors"
-            )
+            why = "control: has the parameter sensors, but the scene has no [[sensor]]; add one"
+            raise ArgumentError(why, id="no-sensors")
         if rate is None:
-            raise ArgumentError(
-                "control: a law with the parameter sensors needs a rate; specify rate [Hz]", id="controller-needs-rate"
-            )
+            why = "control: a law with the parameter sensors needs a rate; specify rate [Hz]"
+            raise ArgumentError(why, id="controller-needs-rate")
     controlled = Control(law, rate, delay, problem, before)
     if rate is not None and 1 / rate > run.duration > 0:
         ends = f", and the run ends after {run.duration:g} s, before the second sample"

@@ -90,11 +90,8 @@ class Sensitivities(Result):
     def _column(self, name: str) -> tuple[Array, Array]:
         known = [name for name in self.run.columns if name not in {"t [s]", "imbalance [J]"}]
         if name not in known:
-            raise ArgumentError(
-                f"name = {truncated(name)}: no column with a derivative; allowed are {short_list(known)}"
-                f"{did_you_mean(name, known)}",
-                id="unknown-name",
-            )
+            allowed = f"allowed are {short_list(known)}{did_you_mean(name, known)}"
+            raise ArgumentError(f"name = {truncated(name)}: no column with a derivative; {allowed}", id="unknown-name")
         return self.runs.of(lambda run: run.columns[name])
 
     def __repr__(self) -> str:

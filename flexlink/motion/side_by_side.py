@@ -153,9 +153,8 @@ class Block:
             if record.inputs.potential_force.any():
                 work[k] = record.work(slice(self.rows))
         left = balance.imbalance(energy, work, energy[:, :, 0])
-        return Samples(
-            self.chain, self.t[: self.rows], q, qd, tau, tip, Energy(*np.moveaxis(energy, 0, -1)), work.T, left.T
-        )
+        parts = Energy(*np.moveaxis(energy, 0, -1))
+        return Samples(self.chain, self.t[: self.rows], q, qd, tau, tip, parts, work.T, left.T)
 
     @functools.cached_property
     def deflections(self) -> Array:
@@ -186,10 +185,7 @@ class Block:
         # fraction of a limit above which a member is checked individually, since results computed side by side may
         # differ in the last digits
         nearly = 0.9
-        calm = [
-            not (monitor.failure or monitor.suspicious or monitor.travelled > Thresholds.far_turned)
-            for monitor in self.monitors
-        ]
+        calm = [not (m.failure or m.suspicious or m.travelled > Thresholds.far_turned) for m in self.monitors]
         q, qd, tip = (part[:, : self.rows] for part in (self.q, self.qd, self.tip))
         sizes = np.array([record.chain.size for record in self.records])
         off = np.maximum(summed(self.run, self.errors, sizes), rounded_away(self.run, q, qd, sizes))

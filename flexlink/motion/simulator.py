@@ -75,9 +75,8 @@ class Simulator:
         run = require_type("scene", scene, Scene).run
         self._scene = scene if run.duration else scene.varied({"run.duration": run.spacing})
         self.chain = lump(open_chain(scene))
-        self._held = held_torques(
-            self.chain, np.zeros(1), np.zeros((1, len(self.chain.active))), effort_of(scene, self.chain)
-        )
+        none = np.zeros((1, len(self.chain.active)))
+        self._held = held_torques(self.chain, np.zeros(1), none, effort_of(scene, self.chain))
         self._problem, self._kept = problem_of(self._scene, self.chain, tied=True), Kept()
         self._readings: dict[str, float] = {}
         self._lengths: dict[float, int] = {}  # number of fixed steps of each duration used so far
@@ -86,11 +85,9 @@ class Simulator:
     def __reduce_ex__(self, protocol: SupportsIndex) -> NoReturn:
         """Refuse copies and pickles: they would share arrays that steps change, or the links between them."""
         kind = type(self).__name__
-        raise ArgumentError(
-            f"{kind}: cannot be copied or pickled, since compiled code changes its state in place; make another "
-            f"{kind} of the same scene, and pass the angles and rates of `state` to its reset()",
-            id="cannot-copy",
-        )
+        remedy = f"make another {kind} of the same scene, and pass the angles and rates of `state` to its reset()"
+        why = f"{kind}: cannot be copied or pickled, since compiled code changes its state in place; {remedy}"
+        raise ArgumentError(why, id="cannot-copy")
 
     def __repr__(self) -> str:
         return f"<Simulator {self.chain.name!r}: t = {self.time:g} s, {self.chain.n} joints>"
@@ -117,9 +114,8 @@ class Simulator:
         single = prepared_run(problem, self._kept, rows=1)
         self._monitor, self._steps = single.monitor, single.steps
         self._run, self._record = self._monitor.run, self._monitor.record
-        inputs = self._record.inputs
-        self._driven = inputs
-        self._pushed = inputs._replace(drive=drive_for(self._record.chain, self._held))
+        self._driven = self._record.inputs
+        self._pushed = self._driven._replace(drive=drive_for(self._record.chain, self._held))
         self._time, self._calls = float(self._record.t[0]), 0
         if not self._run.controlled:
             self._time = self._record.origin * self._run.fixed_step
@@ -285,9 +281,8 @@ class Simulator:
             return (round(now / run.fixed_step) + self._lengths[duration]) * run.fixed_step
         end = (parts(now, duration) + 1) * duration
         if end <= now:
-            raise ArgumentError(
-                f"duration = {duration!r}: too short to change t = {now!r} s in float64", id="duration-too-short"
-            )
+            why = f"duration = {duration!r}: too short to change t = {now!r} s in float64"
+            raise ArgumentError(why, id="duration-too-short")
         return end
 
     def _diverged(self, fault: Failure, held: float) -> DivergenceError:
@@ -297,8 +292,6 @@ class Simulator:
         advice = fault.advice or f"try {'another tolerance, or fixed steps' if run.controlled else fixed}"
         if held and run.unstable == "refuse":
             advice = held_torques_advice(held)
-        return fault.kind(
-            f"{self.chain.name}: after t = {t:.6g} s: {fault.text}; {advice}",
-            trajectory_from_states(problem_of(self._scene, self.chain, tied=True), np.array([t]), q[None], qd[None]),
-            id=fault.id,
-        )
+        problem, text = problem_of(self._scene, self.chain, tied=True), f"after t = {t:.6g} s: {fault.text}; {advice}"
+        found = trajectory_from_states(problem, np.array([t]), q[None], qd[None])
+        return fault.kind(f"{self.chain.name}: {text}", found, id=fault.id)

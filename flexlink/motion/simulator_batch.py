@@ -76,14 +76,14 @@ class SimulatorBatch:
         if not scenes:
             raise ArgumentError("scenes: empty; expected at least one scene", id="empty")
         spacing = scenes[0].run.spacing
-        members = [_similar(k, each) for k, each in enumerate(prepared([_long(scene, spacing) for scene in scenes]))]
+        # a `Record` needs at least one sample
+        longer = [each if each.run.duration else each.varied({"run.duration": spacing}) for each in scenes]
+        members = [_similar(k, each) for k, each in enumerate(prepared(longer))]
         for k, member in enumerate(members):
             if not alike(members[0].problem, member.problem):
-                raise ArgumentError(
-                    f"scenes[{k}]: differs from scenes[0] in layout, drive (or its feedforward torques), motion, "
-                    "wrench or run; if you give the torques, leave the drive out: scene.varied({'drive': None})",
-                    id="not-similar",
-                )
+                parts = "layout, drive (or its feedforward torques), motion, wrench or run"
+                remedy = "if you give the torques, leave the drive out: scene.varied({'drive': None})"
+                raise ArgumentError(f"scenes[{k}]: differs from scenes[0] in {parts}; {remedy}", id="not-similar")
         self._run, self._threads = members[0].problem.run, threads
         self._blocks = [_Eight(members[k : k + LANES]) for k in range(0, len(members), LANES)]
         self.chains = tuple(member.problem.chain for member in members)
@@ -170,10 +170,8 @@ class SimulatorBatch:
         numbers = self._numbers(arms)
         scene = self._blocks[0].members[0].problem.scene
         if arms is not None and (scene.motion or scene.drive.kind != "none"):
-            raise ArgumentError(
-                "arms: the drive or motion of the scenes depends on time, so all arms restart together; leave arms out",
-                id="together-only",
-            )
+            why = "the drive or motion of the scenes depends on time, so all arms restart together"
+            raise ArgumentError(f"arms: {why}; leave arms out", id="together-only")
         shape = len(numbers), self.chains[0].n
         starts = [None if part is None else _rows(name, part, shape) for name, part in (("q", q), ("qd", qd))]
         problems = []
@@ -181,8 +179,7 @@ class SimulatorBatch:
             problem = self._blocks[number // LANES].members[number % LANES].problem
             q_start, qd_start = (None if part is None else part[row] for part in starts)
             problems.append(started(problem, started_from(problem.scene, q_start, qd_start, None)))
-        checked = check_steps(problems)
-        for warnings in checked:
+        for warnings in check_steps(problems):
             if isinstance(warnings, FlexlinkError):
                 raise warnings
         for number, problem in zip(numbers, problems, strict=True):
@@ -212,11 +209,9 @@ class SimulatorBatch:
 
     def _numbers(self, arms: ArrayLike | None) -> list[int]:
         count = len(self)
-        if arms is None:
-            return list(range(count))
-        given = np.asarray(arms)
+        given = np.arange(count) if arms is None else np.asarray(arms)
         if given.dtype == bool and given.shape == (count,):
-            return [int(k) for k in np.flatnonzero(given)]
+            given = np.flatnonzero(given)
         if given.ndim != 1 or given.dtype.kind not in "iu" or not ((given >= 0) & (given < count)).all():
             raise ArgumentError(f"arms: expected numbers from 0 to {count - 1}, or a mask ({count},)", id="wrong-value")
         return [int(k) for k in given]
@@ -227,11 +222,8 @@ class SimulatorBatch:
         t, q, qd = self.state
         names = short_list([str(k) for k in faults])
         advice = f"try a smaller step than {self._run.fixed_step:g} s, or reset these arms"
-        found = DivergenceError(
-            f"after t = {t:.6g} s: arms {names}: {text}; {advice}",
-            trajectory_from_states(problem, np.array([t]), q[None, number], qd[None, number]),
-            id="diverged",
-        )
+        run = trajectory_from_states(problem, np.array([t]), q[None, number], qd[None, number])
+        found = DivergenceError(f"after t = {t:.6g} s: arms {names}: {text}; {advice}", run, id="diverged")
         found.arms = tuple(faults)
         return found
 
@@ -307,22 +299,15 @@ class _Eight:
             array[...] = 0
 
 
-def _long(scene: Scene, spacing: float) -> Scene:
-    """The scene with at least one sample, since a `Record` needs one."""
-    return scene if scene.run.duration else scene.varied({"run.duration": spacing})
-
-
 def _similar(k: int, member: Member | FlexlinkError) -> Member:
     if isinstance(member, FlexlinkError):
         raise member
     if not member.along:
+        expected = "fixed steps of an explicit method (run.step), dynamics 'articulated', a fixed base, "
+        expected += "a constant wrench in frame 0, no force elements and no strain modes"
         why = "; the scene has a tolerance" if member.problem.run.controlled else ""
-        raise ArgumentError(
-            f"scenes[{k}]: cannot be advanced side by side; expected fixed steps of an explicit method (run.step), "
-            "dynamics 'articulated', a fixed base, a constant wrench in frame 0, no force elements and no strain modes"
-            f"{why}",
-            id="not-similar",
-        )
+        text = f"scenes[{k}]: cannot be advanced side by side; expected {expected}{why}"
+        raise ArgumentError(text, id="not-similar")
     return member
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import functools
 import math
+import operator
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from typing import Generic, NamedTuple, TypeVar
@@ -167,7 +168,7 @@ class RunSlopes(NamedTuple):
 
     def states(self) -> list[tuple[Array, Array]]:
         """Derivatives and errors of q, q̇ and the tip; angles of a free base are unwrapped to be close to `middle`."""
-        return [self.of(self._turned), self.of(lambda run: run.qd), self.of(_tip)]
+        return [self.of(self._turned), self.of(lambda run: run.qd), self.of(lambda run: run.tip)]
 
     def _turned(self, run: Trajectory) -> Array:
         if run.base is None:
@@ -212,14 +213,6 @@ def slopes_of_runs(scene: Scene, paths: Sequence[str]) -> RunSlopes:
     return RunSlopes(runs.known[0], middle, x, tuple(best[k].beside for k in range(len(x))))
 
 
-def _angles(run: Trajectory) -> Array:
-    return run.q
-
-
-def _tip(run: Trajectory) -> Array:
-    return run.tip
-
-
 class _Candidate(NamedTuple):
     """Neighbours of a run; largest relative error of the derivatives, and the part of it due to rounding."""
 
@@ -230,7 +223,7 @@ class _Candidate(NamedTuple):
 
 def _candidate(beside: Neighbours[Trajectory], middle: Trajectory, size: float, rounding: float) -> _Candidate:
     error = of_rounding = 0.0
-    for read in (_angles, _tip):
+    for read in (operator.attrgetter("q"), operator.attrgetter("tip")):
         f = read(middle)
         slope, off = beside.slope_with_error(f, read)
         largest = float(np.abs(f).max())
@@ -295,10 +288,8 @@ class _Runs:
             reason = "a small change of it changes the number or type of joints"
         if not reason:
             return _run(end)
-        return ArgumentError(
-            f"parameters: {truncated(self.paths[k])} = {float(self.x[k])!r} cannot be varied: {reason}",
-            id="parameter-cannot-vary",
-        )
+        why = f"parameters: {truncated(self.paths[k])} = {float(self.x[k])!r} cannot be varied: {reason}"
+        return ArgumentError(why, id="parameter-cannot-vary")
 
 
 def _run(end: object) -> Trajectory:
@@ -313,10 +304,8 @@ def _number(scene: Scene, path: object) -> float:
     if not isinstance(path, str):
         raise ArgumentError(f"parameters: {truncated(path)}: expected a path such as 'tip.mass'", id="path-form")
     if parts_of(path)[:1] == ("run",) or path == "initial.time":
-        raise ArgumentError(
-            f"parameters: {truncated(path)}: not a parameter; run settings and initial.time are excluded",
-            id="not-a-parameter",
-        )
+        why = f"parameters: {truncated(path)}: not a parameter; run settings and initial.time are excluded"
+        raise ArgumentError(why, id="not-a-parameter")
     values = scene.values_at(path)
     try:
         return number_in(values)

@@ -76,21 +76,16 @@ def settings(run: RunSettings, rule: Method, record: Record, largest: float) -> 
     if not run.controlled:
         return np.inf, 0.0, run.fixed_step, exact * size, 0.0, 1.0, run.duration, run.fixed_step, run.fixed_step
     if run.accuracy == "deflection" and not (record.chain.hinges["stiffness"] > 0).any():
-        raise SceneError(
-            f"run.accuracy = 'deflection': no link of {record.chain.name!r} bends, so its deflection is always zero; "
-            "use accuracy = 'tip'",
-            id="nothing-bends",
-        )
+        why = f"no link of {record.chain.name!r} bends, so its deflection is always zero; use accuracy = 'tip'"
+        raise SceneError(f"run.accuracy = 'deflection': {why}", id="nothing-bends")
     least = record.least_tolerance
     absolute, part = run.tolerance_within(size), 0.0
     if run.accuracy == "deflection":
         absolute, part = least, run.tolerance_within(1.0)  # `least`, due to rounding, if the deflection is zero
     elif absolute < least:
-        raise SceneError(
-            f"run.tolerance = {absolute:.3g} m: below the rounding error of an arm of {size:.3g} m at "
-            f"angles up to {np.abs(record.q[0]).max():.2g} rad; expected at least {least:.2g} m",
-            id="tolerance-below-rounding",
-        )
+        why = f"below the rounding error of an arm of {size:.3g} m at angles up to {np.abs(record.q[0]).max():.2g} rad"
+        text = f"run.tolerance = {absolute:.3g} m: {why}; expected at least {least:.2g} m"
+        raise SceneError(text, id="tolerance-below-rounding")
     elif record.follows_vibrations:
         absolute, part = least, absolute / size
     order = float(rule.order if rule.explicit else rule.stages + 1)

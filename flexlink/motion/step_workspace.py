@@ -128,9 +128,7 @@ def posture_of(chain: Chain) -> Posture:
 
 def own_gains(record: Record) -> tuple[Array, Array, Array]:
     """The `drive_gains` of the drive of a record."""
-    found: tuple[Array, Array, Array]
-    found = record.kept("gains", id(record.inputs), lambda: drive_gains(record.chain, record.inputs))
-    return found
+    return record.kept("gains", id(record.inputs), lambda: drive_gains(record.chain, record.inputs))
 
 
 def drive_gains(chain: Chain, inputs: Inputs) -> tuple[Array, Array, Array]:

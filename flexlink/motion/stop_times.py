@@ -82,8 +82,7 @@ class StopTimes:
         find = self._halved if self.halved else self._between
         if self.drive is not None:
             return find(start, end)
-        found: Stops = self._kept("between", (start, end), lambda: find(start, end))
-        return found
+        return self._kept("between", (start, end), lambda: find(start, end))
 
     def _halved(self, start: float, end: float) -> Stops:
         times, passed_by = self._between(start, end)

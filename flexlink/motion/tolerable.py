@@ -248,12 +248,8 @@ def _output(run: RunSamples, name: str, rows: int) -> Array:
 
 def estimated_error(monitor: Monitor) -> Array:
     """Error of the tip at the valid samples [m], from the errors of the steps and the error handed on."""
-    n, before, so_far, least = (
-        monitor.n_valid,
-        monitor.before,
-        monitor.record.so_far,
-        Thresholds.usual * monitor.tolerance,
-    )
+    n, before, so_far = monitor.n_valid, monitor.before, monitor.record.so_far
+    least = Thresholds.usual * monitor.tolerance
     handed_on, drifted = (0.0, 0.0) if before is None else (float(before.tip[-1]), before.drifted)
     found = np.full(n, handed_on)
     if so_far.item(n - 1, SO_FAR.drifted) > 0.0 or before is not None:

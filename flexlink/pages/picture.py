@@ -11,7 +11,6 @@ from itertools import groupby
 from pathlib import Path
 
 import matplotlib as mpl
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -71,11 +70,7 @@ def picture_of(
     axes[-1].set_xlabel(across)
     for panel in axes if each else axes[:1]:
         legend_over(panel, figure=None if each else panel.figure)
-    longest = max(map(len, columns.values()))
-    csv = columns_csv({
-        head: np.pad(column.astype(float), (0, longest - len(column)), constant_values=np.nan)
-        for head, column in columns.items()
-    })  # fmt: skip
+    csv = columns_csv({head: column.astype(float) for head, column in columns.items()})
     return Picture(name, title, axes[0].figure, caption, csv)
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import dataclasses
 import io
+import itertools
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -58,10 +60,11 @@ def table_csv(heads: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(heads)
-    writer.writerows(["" if cell is None else cell for cell in line] for line in lines)
+    writer.writerows(lines)
     return buffer.getvalue()
 
 
 def columns_csv(columns: Mapping[str, NDArray[np.float64]]) -> str:
-    """CSV text of columns of equal length, by their heads."""
-    return table_csv(list(columns), zip(*(column.tolist() for column in columns.values()), strict=True))
+    """CSV text of columns, by their heads; short columns end in nan."""
+    lines = itertools.zip_longest(*(column.tolist() for column in columns.values()), fillvalue=math.nan)
+    return table_csv(list(columns), lines)

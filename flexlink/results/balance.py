@@ -74,8 +74,7 @@ class Balance:
         """Compile the check for samples in arrays of these types."""
         of_these = 0, 0, samples, self.chain.hinges, self.bounds, NOTHING, self.seen
         compiled = functools.partial(direct, look_at, *of_these, types=self.kept.types)
-        code: Callable[..., tuple[int, int]] = self.kept("look", None, compiled)
-        return code
+        return self.kept("look", None, compiled)
 
 
 def _bounds(chain: Chain, force: Array, insisted: bool, bend: float, near: float) -> Bounds:

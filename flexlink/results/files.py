@@ -108,10 +108,10 @@ def to_xarray(run: RunSamples) -> Any:
     }  # fmt: skip
     mixed = "m" in run.chain.joint_units
     units = ("rad or m", "rad/s or m/s", "N m or N") if mixed else ("rad", "rad/s", "N m")
-    per_joint = dict(zip(("q", "qd", "tau"), zip((run.q, run.qd, run.tau), units, strict=True), strict=True))
+    per_joint = zip(("q", "qd", "tau"), (run.q, run.qd, run.tau), units, strict=True)
     return _package("xarray").Dataset(
         {
-            **{name: (("time", "joint"), values, {"units": unit}) for name, (values, unit) in per_joint.items()},
+            **{name: (("time", "joint"), values, {"units": unit}) for name, values, unit in per_joint},
             "tip": (("time", "axis"), run.tip, {"units": "m"}),
             **{name: (("time",), values, {"units": "J"}) for name, values in per_time.items()},
             **({"readings": (("time", "sensor"), np.column_stack([*run.readings.values()]))} if run.readings else {}),
@@ -167,9 +167,8 @@ def _fields(arrays: Mapping[str, Any]) -> dict[str, Any]:
 def _stated(arrays: Mapping[str, Any]) -> StatedError:
     """The stated error of a run, and the motion up to its end."""
     n = arrays["q"].shape[1]
-    start, end = _state(arrays["motion_start"], n), None
-    if "motion_end" in arrays:
-        end = _state(arrays["motion_end"], n)
+    start = _state(arrays["motion_start"], n)
+    end = _state(arrays["motion_end"], n) if "motion_end" in arrays else None
     delayed = arrays.get("motion_delayed")
     if delayed is not None:
         check_delayed(delayed)
@@ -293,8 +292,8 @@ def _is_tree(chain: Chain) -> bool:
     in_order = bool((bodies["first"] == ends[:-1]).all() and ends[-1] == chain.n and (np.diff(ends) >= 0).all())
     known = np.isin(hinges["axis"], range(6)).all() and np.isin(bodies["springs"], range(3)).all()
     on = all(-1 <= body < len(bodies) for body in chain.tips.values())  # -1: the base
-    in_order = in_order and len(chain.described) == len(bodies)
-    return in_order and bool(known) and on and again.tobytes() == bodies.tobytes()
+    whole = len(chain.described) == len(bodies) and again.tobytes() == bodies.tobytes()
+    return in_order and bool(known) and on and whole
 
 
 def _are_within(chain: Chain, rows: NDArray[np.void]) -> bool:

@@ -243,8 +243,7 @@ class RunSamples(Result):
         """Accelerations of the chain without its ties."""
         from flexlink.dynamics.accelerations import accelerations_under  # noqa: PLC0415
 
-        found = accelerations_under(self.drive_torques, self.chain, self.q, self.qd, self.tip_wrench)
-        return read_only(found)
+        return read_only(accelerations_under(self.drive_torques, self.chain, self.q, self.qd, self.tip_wrench))
 
     @functools.cached_property
     def _ties(self) -> Ties | None:

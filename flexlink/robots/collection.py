@@ -62,12 +62,14 @@ def folder() -> Path:
 
 def known_arms() -> dict[str, KnownArm]:
     """Return all arms of the table by name; an arm with flexible links also has a rigid entry."""
-    table: dict[str, KnownArm] = decode(read_toml(Path(__file__).parent / "data" / "arms.toml"), dict[str, KnownArm])
+    table = read_toml(Path(__file__).parent / "data" / "arms.toml")
+    flexible: dict[str, dict[str, FlexibleLink]] = decode(table.pop("flexible"), dict[str, dict[str, FlexibleLink]])
+    rigid: dict[str, KnownArm] = decode(table, dict[str, KnownArm])
     arms: dict[str, KnownArm] = {}
-    for name, arm in table.items():
-        arms[name] = msgspec.structs.replace(arm, flexible={})
-        if arm.flexible:
-            arms[f"{name}_flexible"] = arm
+    for name, arm in rigid.items():
+        arms[name] = arm
+        if name in flexible:
+            arms[f"{name}_flexible"] = msgspec.structs.replace(arm, flexible=flexible[name])
     return arms
 
 

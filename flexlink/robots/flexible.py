@@ -120,9 +120,8 @@ def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) ->
     mass = flexible.material.density * volume if of_material else flexible.mass or 0.5 * largest
     if not 0 < mass < largest * (1 - 1e-6):  # at the largest mass, the remainder is a point or a needle
         why = f"a beam of {mass:.4g} kg does not fit into the link's mass, {part.body.mass:.4g} kg, and inertia"
-        remedy = (
-            f"give {'a smaller' if flexible.mass else 'a'} mass, a section that is lighter and thinner, or another line"
-        )
+        smaller = "a smaller" if flexible.mass else "a"
+        remedy = f"give {smaller} mass, a section that is lighter and thinner, or another line"
         text = f"flexible: link {truncated(part.link)}: {why}; at most {rounded_down(largest)} kg fits; {remedy}"
         raise ArgumentError(text, id="beam-heavier-than-link")
     root, end = cut(part.body, _prism(section, mass, line), _pose(line), line.length)

@@ -255,11 +255,8 @@ def _different(old: Any, new: Any, path: str = "") -> Iterator[tuple[str, Any, A
 
 def _own_files(value: Any) -> Iterator[str]:
     """Existing files of methods and lumping rules that the sweep refers to."""
-    if isinstance(value, Mapping):
-        for item in value.values():
-            yield from _own_files(item)
-    elif isinstance(value, list | tuple):
-        for item in value:
+    if isinstance(value, Mapping | list | tuple):
+        for item in value.values() if isinstance(value, Mapping) else value:
             yield from _own_files(item)
     elif is_user_file(value) and Path(value).is_file():
         yield value

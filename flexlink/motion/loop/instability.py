@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
@@ -46,7 +45,12 @@ def _of_rate(loop: Loop) -> str:
 
 
 def _of_gain(loop: Loop, *names: str) -> str:
-    growth = _scaled(loop, names)
+    gains = {f"drive.{name}": getattr(loop.scene.drive, name) or () for name in names}
+
+    def growth(factor: float) -> float:
+        changes = {path: tuple(factor * gain for gain in row) for path, row in gains.items() if row}
+        return loop.with_scene(loop.scene.varied(changes)).growth
+
     factor, step, least = 1.0, 1.3, 0.01
     while factor > least and growth(factor) > STABLE:
         factor /= step
@@ -72,16 +76,6 @@ def _of_armature(loop: Loop) -> str:
             if loop.with_scene(changed).growth <= STABLE:
                 return f"link.*.joint.armature = {value:.2g} {unit}"
     return ""
-
-
-def _scaled(loop: Loop, names: tuple[str, ...]) -> Callable[[float], float]:
-    gains = {f"drive.{name}": getattr(loop.scene.drive, name) or () for name in names}
-
-    def growth(factor: float) -> float:
-        changes = {path: tuple(factor * gain for gain in row) for path, row in gains.items() if row}
-        return loop.with_scene(loop.scene.varied(changes)).growth
-
-    return growth
 
 
 def _rounded(value: float) -> float:

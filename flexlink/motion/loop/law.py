@@ -90,9 +90,9 @@ def law_in_python(law: Law, plant: Plant) -> LinearLaw:
     steps[steps == 0.0] = step
     call = _caller(law, plant, d)
     before, slopes = call(y), np.zeros((d, len(y)))
-    for k, h in enumerate(steps.tolist()):
+    for k, (unit, h) in enumerate(zip(np.eye(len(y)), steps.tolist(), strict=True)):
         for factor, weight in ((1.0, 8.0), (2.0, -1.0)):
-            moved = [call(y + sign * factor * h * _unit(k, len(y))) for sign in (1.0, -1.0)]
+            moved = [call(y + sign * factor * h * unit) for sign in (1.0, -1.0)]
             slopes[:, k] += weight * (moved[0] - moved[1]) / (12.0 * h)
     if not np.array_equal(call(y), before):
         why = "returns another torque when it is called again at the same t, q and q̇, so it has a memory"
@@ -119,12 +119,6 @@ def _caller(law: Law, plant: Plant, d: int) -> Callable[[Array], Array]:
         return given
 
     return call
-
-
-def _unit(k: int, size: int) -> Array:
-    found = np.zeros(size)
-    found[k] = 1.0
-    return found
 
 
 def _name(law: Law) -> str:

@@ -414,9 +414,8 @@ def number_at(scene: Scene, path: str) -> tuple[Callable[[float], dict[str, Any]
     kinds = {type(each) for each in now.ravel().tolist()}
     if any(each != values[0] for each in values) or not kinds <= {int, float} or not now.any():
         given = truncated(values[0] if len(values) == 1 else values)
-        raise ArgumentError(
-            f"path = {path!r}: is {given} in the scene; expected a number other than 0", id="wrong-value"
-        )
+        text = f"path = {path!r}: is {given} in the scene; expected a number other than 0"
+        raise ArgumentError(text, id="wrong-value")
     if now.ndim:
         return lambda factor: {path: tuple((factor * now).tolist())}, 1.0
     return lambda value: {path: value}, float(now[()])

@@ -70,7 +70,9 @@ def plant_of(problem: InitialValueProblem, q: Array, t: float, *, sensors: bool)
     kept = np.concatenate([np.flatnonzero(free), np.arange(len(free), len(model.x))])
     angles, moving = of_angles[~prescribed[of_angles]], np.flatnonzero(~fixed[chain.active])
     A, B, C = model.A[np.ix_(kept, kept)], model.B[np.ix_(kept, moving)], model.C[:, kept]
-    unit, size = _unit(A, angles, of_rates[~prescribed]), len(angles)
+    size = len(angles)
+    rows = size + np.searchsorted(of_rates[~prescribed], angles)  # both are sorted, and every angle has a rate
+    unit = rates(A[rows, np.arange(size)])
     A[:size] *= unit[:, None]
     A[:, :size] /= unit
     B[:size] *= unit[:, None]
@@ -80,9 +82,3 @@ def plant_of(problem: InitialValueProblem, q: Array, t: float, *, sensors: bool)
         A, B, C, model.D[:, moving], model.delays, chain, t, q, angles, unit, moving,
         tuple(model.inputs[k] for k in moving), names, model.y[2 * chain.n :],
     )  # fmt: skip
-
-
-def _unit(A: Array, angles: NDArray[np.intp], of_rates: NDArray[np.intp]) -> Array:
-    """ω of every angle [1/s]."""
-    rows = len(angles) + np.searchsorted(of_rates, angles)  # both are sorted, and every angle has a rate
-    return rates(A[rows, np.arange(len(angles))])

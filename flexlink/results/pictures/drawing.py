@@ -42,7 +42,8 @@ class Drawing:
         legend = Legend(self.figure, self.size)
         self._clock = legend.head(film)
         legend.foot(film, self.window)
-        self._still()
+        floor = LineCollection(list(self.projected.floor[..., :2]), colors=PALE, linewidths=0.7, zorder=0)
+        self.axes.add_collection(floor, autolim=False)
         self._moving()
         self.canvas.draw()
         self._ground = self.canvas.copy_from_bbox(self.figure.bbox)
@@ -55,16 +56,11 @@ class Drawing:
             self.figure.draw_artist(artist)
         return np.ascontiguousarray(np.asarray(self.canvas.buffer_rgba())[..., :3])
 
-    def _still(self) -> None:
-        floor = LineCollection(list(self.projected.floor[..., :2]), colors=PALE, linewidths=0.7, zorder=0)
-        self.axes.add_collection(floor, autolim=False)
-        half = self.projected.base_half
-        self._base = Rectangle((-half, -half), 2 * half, 2 * half, color=BASE, animated=True)  # above the links
-        self.axes.add_patch(self._base)
-
     def _moving(self) -> None:
         """Create the moving parts, from back to front."""
-        film, projected = self.film, self.projected
+        film, projected, half = self.film, self.projected, self.projected.base_half
+        self._base = Rectangle((-half, -half), 2 * half, 2 * half, color=BASE, animated=True)  # above the links
+        self.axes.add_patch(self._base)
         (self._shadow,) = self.axes.plot([], [], color="0.86", linewidth=3.0, solid_joinstyle="round", animated=True)
         (self._trace,) = self.axes.plot([], [], color=TRACE, linewidth=0.9, alpha=0.75, animated=True)
         (self._line,) = self.axes.plot([], [], color="0.45", linewidth=2.0, solid_joinstyle="round", animated=True)
@@ -91,7 +87,7 @@ class Drawing:
         if film.view.spatial:
             self._shadow.set_data(*projected.shadow[k, :, :2].T)
         self._trace.set_data(*projected.trace[film.trace_t <= film.t[k] + 1e-12, :2].T)
-        self._clock.set_text(projection.time_text(film, k))
+        self._clock.set_text(f"t = {film.t[k]:.{projection.digits_of_time(film)}f} s")
 
     def _colours(self, k: int) -> NDArray[np.float64]:
         """Colour of every span, from the mean of the values at its two ends."""

@@ -193,11 +193,6 @@ def subtitle(film: Film) -> str:
     return scale + ("" if film.speed == 1 else f", time × {film.speed:g}")
 
 
-def time_text(film: Film, k: int) -> str:
-    """Time of a frame, with enough digits to distinguish it from the next one."""
-    return f"t = {film.t[k]:.{digits_of_time(film)}f} s"
-
-
 def digits_of_time(film: Film) -> int:
     """Number of decimals that distinguish consecutive frames."""
     return min(max(math.ceil(-math.log10(film.speed / film.fps) - 1e-9), 0), 9)
@@ -211,10 +206,9 @@ def number(value: float) -> str:
 def scale_bar(window: Window) -> tuple[float, str]:
     """Length of the scale bar [m], a round number of about a fifth of the window's width, and its label."""
     length = nice((window.right - window.left) / 8)
-    for unit, metres in (("km", 1e3), ("m", 1.0), ("mm", 1e-3), ("µm", 1e-6)):
-        if length >= 0.1 * metres or unit == "µm":
-            return length, f"{length / metres:g} {unit}"
-    raise AssertionError
+    units = (("km", 1e3), ("m", 1.0), ("mm", 1e-3))
+    unit, metres = next((one for one in units if length >= 0.1 * one[1]), ("µm", 1e-6))
+    return length, f"{length / metres:g} {unit}"
 
 
 def axes_of_frame(view: View) -> list[tuple[str, NDArray[np.float64]]]:

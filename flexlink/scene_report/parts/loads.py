@@ -25,9 +25,9 @@ def made(study: Study) -> Part:
     run, chain = study.run, study.chain
     bending = np.linalg.norm(run.loads.moment[:, :-1, 1:], axis=2)
     row, body = np.unravel_index(int(bending.argmax()), bending.shape)
+    at = f"{_place(study, int(body))}, {number(float(run.t[row]))} s"
     sentences = [
-        f"Largest bending moment: {number(float(bending[row, body]))} N m at {_place(study, int(body))}, "
-        f"{number(float(run.t[row]))} s.",
+        f"Largest bending moment: {number(float(bending[row, body]))} N m at {at}.",
         "Bending moment and shear are the resultants of the two components across the beam.",
     ]
     peaks = np.abs(run.tau).max(axis=0)

@@ -27,21 +27,18 @@ def made(study: Study) -> Part | None:
     measured = read_measured(study.against, study.run.columns)
     comparison = Comparison(study.scene, study.run, measured)
     if len(comparison.t) < 2:
-        text = (
-            f"Fewer than two samples of {study.against.name} ({measured.t[0]:g} … {measured.t[-1]:g} s) are within the "
-            f"run ({study.run.t[0]:g} … {study.run.t[-1]:g} s). Subtract the time at which the run begins; name "
-            "times in ms 't [ms]'."
-        )
+        samples = f"samples of {study.against.name} ({measured.t[0]:g} … {measured.t[-1]:g} s)"
+        text = f"Fewer than two {samples} are within the run ({study.run.t[0]:g} … {study.run.t[-1]:g} s). "
+        text += "Subtract the time at which the run begins; name times in ms 't [ms]'."
         return Part((text,), (Verdict("Measurements", "fail", "not compared", text),))
     fits = comparison.fits
     best = fits[0] if fits else None
     # the cause removes most of the mean square difference, by a change of over two standard deviations
     if best and not (best.explained > 0.5 and abs(best.value - best.number.value) > 2 * best.spread):
         best = None
-    first = (
-        f"{study.against.name}: {plural(len(comparison.measured), 'column')}, {len(comparison.t)} samples from "
-        f"{number(float(comparison.t[0]))} to {number(float(comparison.t[-1]))} s"
-    )
+    span = f"{number(float(comparison.t[0]))} to {number(float(comparison.t[-1]))} s"
+    columns = plural(len(comparison.measured), "column")
+    first = f"{study.against.name}: {columns}, {len(comparison.t)} samples from {span}"
     first += f"; {comparison.left_out} outside the run are ignored." if comparison.left_out else "."
     every = comparison.off(study.run)  # the worst column has the largest difference relative to its spread
     name = max(every, key=lambda name: every[name] / (float(np.nanstd(comparison.measured[name])) or 1.0))
@@ -69,10 +66,9 @@ def _about_fits(fits: Sequence[Fit], best: Fit | None) -> list[str]:
             "No single parameter of the scene explains the difference; check the units and the order of the columns. "
             f"With the best, {fits[0].number.what} {_change(fits[0])}, {percent(fits[0].remaining)} of it remains."
         ]
-    sentences = [
-        f"Best explanation: {best.number.what} {_change(best)}, {number(best.value, 4)} ± {number(best.spread, 2)} "
-        f"instead of {number(best.number.value)}; {percent(best.remaining)} of the difference remains."
-    ]
+    value = f"{number(best.value, 4)} ± {number(best.spread, 2)} instead of {number(best.number.value)}"
+    explained = f"Best explanation: {best.number.what} {_change(best)}, {value}"
+    sentences = [f"{explained}; {percent(best.remaining)} of the difference remains."]
     clearly = 2.0  # a parameter is the cause if all others leave at least twice the difference
     near = [fit for fit in fits[1:] if fit.remaining < clearly * best.remaining]
     rivals = [f"{fit.number.what} ({_change(fit)}; {percent(fit.remaining)} remains)" for fit in near]

@@ -27,11 +27,9 @@ def made(study: Study) -> Part:
     mass = float(chain.bodies["mass"].sum())
     length = float(np.linalg.norm(chain.bodies["translation"], axis=1).sum())
     moves = "planar" if chain.is_planar else "spatial"
-    size = (
-        f"{plural(len(scene.arm.links), 'link')}, {number(length)} m from joint to joint, {number(mass)} kg. "
-        f"Model: {plural(chain.freedoms, 'degree')} of freedom ({plural(len(chain.active), 'driven joint')}, "
-        f"{plural(springs, 'spring')}), {moves} motion."
-    )
+    size = f"{plural(len(scene.arm.links), 'link')}, {number(length)} m from joint to joint, {number(mass)} kg."
+    counted = f"{plural(len(chain.active), 'driven joint')}, {plural(springs, 'spring')}"
+    size += f" Model: {plural(chain.freedoms, 'degree')} of freedom ({counted}), {moves} motion."
     gravity = f"Gravity: ({', '.join(map(number, scene.gravity))}) m/s² in frame 0."
     drive = f"Drive: {scene.drive.kind}." if scene.drive.kind != "none" else "No drive: the joints turn freely."
     if scene.motion:

@@ -26,15 +26,11 @@ def made(study: Study) -> Part:
         return Part((f"The run failed: {reason}.",), (Verdict("Run", "fail", "failed", f"{reason}."),))
     run = study.run
     most = int(np.argmax(study.bent_by))
-    sentences = [
-        f"Simulated time: {number(run.t[-1] - run.t[0])} s; {run.steps}. The tip moves up to {number(study.travel)} m "
-        "from its initial position."
-    ]
+    far = f"The tip moves up to {number(study.travel)} m from its initial position."
+    sentences = [f"Simulated time: {number(run.t[-1] - run.t[0])} s; {run.steps}. {far}"]
     if study.bends:
-        sentences.append(
-            f"Tip deflection: up to {number(1e3 * study.bent_by[most])} mm, at {number(run.t[most])} s (distance from "
-            "the tip of the same arm with straight links)."
-        )
+        bent = f"Tip deflection: up to {number(1e3 * study.bent_by[most])} mm, at {number(run.t[most])} s"
+        sentences.append(f"{bent} (distance from the tip of the same arm with straight links).")
     sentences += [f"Warning: {warning}." for warning in run.warnings]
     pictures = (_postures(study), _in_time(study))
     return Part(tuple(sentences), pictures=pictures, files={"run.csv": columns_csv(run.columns)})

@@ -21,9 +21,7 @@ def made(study: Study) -> Part:
     ]  # fmt: skip
     packages = ("flexlink", "numpy", "scipy", "numba", "pin", "mujoco", "exudyn", "drake", "matplotlib", "jinja2")
     lines += [(name, version or "not installed") for name, version in versions(packages).items()]
-    sentences = (
-        f"Command: {study.command}" if study.command else "Made with flexlink.report(scene, folder).",
-        "The only input is the scene below, also in scene.toml next to this page.",
-    )
+    made_by = f"Command: {study.command}" if study.command else "Made with flexlink.report(scene, folder)."
+    sentences = made_by, "The only input is the scene below, also in scene.toml next to this page."
     table = Table("machine", "Machine and versions", ("what", "value"), tuple(lines), to_look_up=True)
     return Part(sentences, tables=(table,), literal=study.scene.to_toml())

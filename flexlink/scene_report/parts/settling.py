@@ -34,20 +34,16 @@ def made(study: Study) -> Part | None:
     rest = rest_of(chain, at, **study.load)
     target = tip_position(chain, rest.q)
     if end >= run.t[-1]:
-        return Part((
-            f"The reference ends at {number(end)} s, the run at {number(float(run.t[-1]))} s. To see the arm settle, "
-            "make the run longer (run.duration).",
-        ))  # fmt: skip
+        ends = f"The reference ends at {number(end)} s, the run at {number(float(run.t[-1]))} s."
+        return Part((f"{ends} To see the arm settle, make the run longer (run.duration).",))
     if not study.moves:
         return Part(("The tip does not move, so there is no settling.",))
     way = float(np.linalg.norm(target - run.tip[0]))
     off = float(np.linalg.norm(run.tip[-1] - target))
     left = run.residual_vibration(after=end)
-    sentences = [
-        f"Residual vibration: {number(1e3 * left)} mm after the reference ends ({number(end)} s). At the end of the "
-        f"run the tip is {number(1e3 * off)} mm from its target, its static position at the final joint angles "
-        "including gravity sag."
-    ]
+    text = f"Residual vibration: {number(1e3 * left)} mm after the reference ends ({number(end)} s). At the end of the "
+    text += f"run the tip is {number(1e3 * off)} mm from its target, its static position at the final joint angles "
+    sentences = [f"{text}including gravity sag."]
     if way > 0:
         sentences.append(f"Overshoot: {number(1e3 * run.overshoot(target=target))} mm.")
     return Part(tuple(sentences), pictures=(_picture(study, target, end),), tables=(_table(study, target, end),))

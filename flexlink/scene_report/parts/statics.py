@@ -31,12 +31,10 @@ def made(study: Study) -> Part:
     sag = _without_rounding(tip_position(chain, rest.q) - tip_position(chain, unbent(chain, rest.q)))
     size = float(np.linalg.norm(sag))
     x, y, z = (number(1e3 * part) for part in sag)
-    sentences = (
-        f"At rest, {study.holding}; {'gravity and the tip wrench bend' if size > 0 else 'no load bends'} the links.",
-        f"Static tip deflection: {number(1e3 * size)} mm, ({x}, {y}, {z}) mm in frame 0. "
-        f"This equilibrium is {'stable' if rest.stable else 'unstable'}.",
-        _buckling(study),
-    )
+    bend = "gravity and the tip wrench bend" if size > 0 else "no load bends"
+    sagged = f"Static tip deflection: {number(1e3 * size)} mm, ({x}, {y}, {z}) mm in frame 0. "
+    sagged += f"This equilibrium is {'stable' if rest.stable else 'unstable'}."
+    sentences = f"At rest, {study.holding}; {bend} the links.", sagged, _buckling(study)
     pictures, tables = (_picture(study, size),) if size > 0 else (), _holding(study, rest.q, rest.tau)
     sags = Fact(f"{number(1e3 * size)} mm", f"Sag of the tip under gravity and load, {study.holding}")
     facts = (*((sags,) if size > 0 else ()), *_held(study, rest.tau))

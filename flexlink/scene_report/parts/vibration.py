@@ -31,10 +31,9 @@ def made(study: Study) -> Part | None:
         sentences.append("The equilibrium is unstable: at least one mode grows.")
     fine = resolved(found, chain)
     if not all(fine):
-        sentences.append(
-            f"From mode {1 + fine.index(False)} on, some links have fewer than two hinges per half-wave. These "
-            "frequencies depend on the number of segments; more segments resolve them."
-        )
+        few = f"From mode {1 + fine.index(False)} on, some links have fewer than two hinges per half-wave."
+        more = "These frequencies depend on the number of segments; more segments resolve them."
+        sentences.append(f"{few} {more}")
     heads = ("mode", "frequency [Hz]", "damping ratio", "kind", "tip moves most along", "resolved by the hinges")
     lines = tuple((*_line(found, k), "yes" if fine[k] else "no") for k in range(len(found.eigenvalues)))
     table = Table("modes", "Natural frequencies", heads, lines, to_look_up=len(lines) > 12)
