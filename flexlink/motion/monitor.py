@@ -34,8 +34,12 @@ if TYPE_CHECKING:
     from flexlink.motion.sampled_control import Control
 
 
-NEGATIVE = Diagnostic("the kinetic energy is negative: M is not positive definite", "mass-not-positive-definite")
-FAULTS = {WRONG.kinetic: NEGATIVE, WRONG.finite: Diagnostic("energies or torques overflow float64", "diverged")}
+FAULTS = {
+    WRONG.kinetic: Diagnostic(
+        "the kinetic energy is negative: M is not positive definite", "mass-not-positive-definite"
+    ),
+    WRONG.finite: Diagnostic("energies or torques overflow float64", "diverged"),
+}
 
 
 class Monitor:
