@@ -18,14 +18,13 @@ from flexlink.advice.refinement import AxisScreening, RefinementStudy, error_gro
 from flexlink.advice.search import LinkErrors, Search, ShapeSearch
 from flexlink.advice.verdict import Advice, length, line, payback, time
 from flexlink.chain.arguments import positive, require_bool, require_one_of, require_type
-from flexlink.chain.lumping import lump
+from flexlink.chain.lumping import lump, open_chain
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.types import Array
 from flexlink.common.wording import plural, short_list
 from flexlink.describe.run_settings import AUTO
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
-from flexlink.describe.tie import refuse_ties
 from flexlink.dynamics.notes import is_free_fall
 from flexlink.motion.evaluation_cost import run_cost
 from flexlink.motion.simulate import simulate
@@ -86,7 +85,6 @@ def advise(
     >>> small = fl.simulate(found.scene)
     """
     scene = checked_scene(require_type("scene", scene, Scene))
-    refuse_ties(scene.ties)
     goal = goal_of(tip, deflection=require_bool("deflection", deflection), band=band, run=scene.run)
     require_one_of("measure", measure, dict.fromkeys(get_args(Measure)))
     return Advisor(scene, goal, positive("budget", budget), measure).advice()
@@ -119,13 +117,16 @@ class Advisor:
         if refinement.limit is None:
             why = f"{self.scene.name}: fewer than two models could be run: {refinement.reason}"
             raise ArgumentError(why, id="too-few-models")
+        if self.scene.ties and refinement.travel < 1e-9 * self.size:
+            why = "ties hold the tip, whose motion shows the errors of models; advise on an arm whose tip moves"
+            raise ArgumentError(f"{self.scene.name}: {why}", id="tip-held")
         known = refinement.limit.errors + refinement.remove_step_errors() + self.norm.up_to(screening.left_out)
         if known[-1] >= refinement.tolerance:
             return self._cannot(refinement, known)
         return self._cheapest(refinement, known)
 
     def _rigid_is_enough(self) -> Advice | None:
-        if self.goal.deflection:
+        if self.goal.deflection or self.scene.ties:  # ties load rigid links in ways that the estimate does not contain
             return None
         self.rigid = rigid.rigid_run(self.runner, self.goal, self.size)
         if self.rigid is None or self.rigid.run is None:
@@ -299,7 +300,7 @@ def run_time(scene_of: Callable[[], Scene], enough: float = 0.05) -> tuple[float
 
 def own_time(scene: Scene, most: float) -> float:
     """CPU time of a prepared run of the original scene [s]; inf if listed costs exceed `most` [s], nan if it fails."""
-    run, chain = scene.run, lump(scene)
+    run, chain = scene.run, lump(open_chain(scene))
     name = "Radau5" if run.method == AUTO else run.method
     evaluations = min(run.max_evaluations, max(1.0, most / run_cost(chain, name, 1.0)))
     if not run.controlled and method(name).stages * run.duration / run.fixed_step > evaluations:

@@ -81,9 +81,9 @@ class Tie(TieEnd, frozen=True, kw_only=True):
     A spring may act in one direction only, or beyond a `play`. It then presses with k δ (1 + c δ̇), δ > 0 the depth and
     c the `dissipation` (Hunt & Crossley 1975). Steps end where it begins or ceases to press.
 
-    `simulate`, `Problem` and `Simulator` take scenes with ties, as do `simulate_many`, `sweep`, `sensitivities`,
-    `report`, `compare` and `compare_trajectories`. `solve_static`, `modes`, `buckling_loads`, `linearize` and `to_mjcf`
-    take them as `ties`. All other functions refuse them.
+    `simulate`, `Problem` and `Simulator` take scenes with ties, as do `simulate_many`, `sweep`, `sensitivities`, `fit`,
+    `advise`, `report`, `compare` and `compare_trajectories`. `solve_static`, `modes`, `buckling_loads`, `linearize` and
+    `to_mjcf` take them as `ties`. All other functions refuse them.
 
     Examples
     --------
@@ -260,8 +260,8 @@ def stops_of(limits: Limits, arm: Arm, ties: Sequence[Tie], moved: set[str | int
 
 def refuse_ties(
     ties: Sequence[Tie],
-    why: str = "only runs, sweeps, reports, sensitivities, solve_static, modes, buckling_loads, linearize, to_mjcf and "
-    "comparisons support ties",
+    why: str = "only runs, sweeps, reports, sensitivities, fits, advice, solve_static, modes, buckling_loads, "
+    "linearize, to_mjcf and comparisons support ties",
 ) -> None:
     """Refuse a scene with ties.
 

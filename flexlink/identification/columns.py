@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import scipy
 
-from flexlink.chain.lumping import lump
+from flexlink.chain.lumping import lump, open_chain
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
@@ -124,7 +124,9 @@ def linear_models(
     no mode.
     """
     runs = [*fitted, *checks]
-    if not fitted or not all(chain.held[chain.active].all() for chain in [lump(scene) for _, scene in runs]):
+    if not fitted or not all(
+        chain.held[chain.active].all() for chain in [lump(open_chain(scene)) for _, scene in runs]
+    ):
         return {}
     try:
         λ = _modes(fitted[0][1], min(source.rate for source, _ in fitted))

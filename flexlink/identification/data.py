@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 from msgspec.structs import replace
 
-from flexlink.chain.lumping import lump
+from flexlink.chain.lumping import lump, open_chain
 from flexlink.common.errors import ArgumentError, DataFileError, Diagnostic, FlexlinkError, SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import did_you_mean, plural
@@ -85,7 +85,7 @@ class Source:
 def recorded(problem: FitProblem, run: FitRun) -> Source:
     """Read a recorded run of a problem."""
     scene = problem.scene.varied(run.set) if run.set else problem.scene
-    known = dict.fromkeys((*columns_of(lump(scene)), *column_names(scene.sensor, scene.arm)))
+    known = dict.fromkeys((*columns_of(lump(open_chain(scene))), *column_names(scene.sensor, scene.arm)))
     measured, offset = _from_start(run, scene, _measured(run, known))
     first, last = run.window or (-math.inf, math.inf)
     first = max(first, scene.initial.time)
@@ -145,7 +145,7 @@ def _from_start(run: FitRun, scene: Scene, measured: Measured) -> tuple[Measured
 def _check_reach(run: FitRun, scene: Scene, blocks: Sequence[Block]) -> None:
     """Refuse tip positions that the arm cannot reach, unless its base floats or a sliding joint has no limits."""
     times = 20.0  # if the range of positions exceeds this multiple of the reach, their unit is wrong
-    chain = lump(scene)
+    chain = lump(open_chain(scene))
     reach, ends = chain.reach, chain.hinges[["lower", "upper"]][chain.slides]
     if scene.arm.base.free or not all(np.isfinite(ends[end]).all() for end in ("lower", "upper")):
         return

@@ -22,6 +22,7 @@ from flexlink.advice.rigid import oscillator_response
 from flexlink.advice.verdict import Advice, payback
 from flexlink.cli.main import main
 from flexlink.common.interruption import Stop
+from flexlink.describe.scene import scene_from
 from flexlink.describe.spec import decode
 from flexlink.dynamics.placement import unbent
 from flexlink.motion.evaluation_cost import bodies_of, run_cost
@@ -454,3 +455,31 @@ def test_a_strain_gauge_does_not_hinder_advice_and_is_left_out_where_its_link_is
         assert any(line.startswith("sensor ") for line in found.lines) == (not bends)
     assert not loose.scene.sensor
     assert strict.scene.sensor
+
+
+def linkage(reach: float, **more: object) -> fl.Scene:
+    """A falling four-bar whose third link is pinned to the ground at 0.8 m, and is `reach` long."""
+    link = {"flex": "z", "segments": 3, "material": "steel", "section": "bar", "joint": {"axis": [0, 0, 1]}}
+    lengths = {"crank": 0.4, "coupler": 1.0, "rocker": reach}
+    return scene_from({
+        "name": "linkage", "gravity": [0, -9.81, 0],
+        "material": {"steel": {"young": 7e9, "density": 1200.0, "loss_time": 1e-3}},
+        "section": {"bar": {"shape": "rectangle", "height": 0.012, "width": 0.03}},
+        "link": [{"name": name, "length": length, **link} for name, length in lengths.items()],
+        "initial": {"joint_deg": [60.0, -33.03, -116.34]},
+        "tie": [{"name": "pin", "kind": "point", "link": "rocker", "x": 0.8, "to": {"point": [1.1, 0, 0]}}],
+        "run": {"duration": 0.4, "sample": 0.02}, **more,
+    })  # fmt: skip
+
+
+@pytest.mark.parametrize("tip", [0.03, 0.001])
+def test_advice_on_a_tied_arm_is_right(tip: float) -> None:
+    scene = linkage(1.3)
+    found = fl.advise(scene, tip=f"{tip} m")
+    assert found.met
+    assert true_error(scene, found, hinges=(8, 12)) <= found.error <= tip
+
+
+def test_advice_is_refused_where_ties_hold_the_tip() -> None:
+    with refused(fl.errors.ArgumentError, "tip-held"):
+        fl.advise(linkage(0.8), tip="1 mm")

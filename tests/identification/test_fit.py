@@ -13,8 +13,10 @@ from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 import flexlink as fl
+from flexlink.chain.lumping import open_chain
 from flexlink.cli import fit
 from flexlink.cli.main import main
+from flexlink.dynamics.ties import tie_rows
 from flexlink.identification.block import Colour, colour_of
 from flexlink.identification.coordinates import coordinate_of, coordinates_of
 from flexlink.identification.data import recorded, sources_of
@@ -24,7 +26,9 @@ from flexlink.identification.signals import STEP, Signals
 from flexlink.motion.slopes_of_runs import CENTRAL_4
 from tests.conftest import ROOT, flexible, make_scene
 from tests.identification.test_fit_first_look import strip
+from tests.motion.test_ties import arm as tied_arm
 from tests.support.fits import problem, write_csv
+from tests.support.touching import Touching
 from tests.support.words import line, refused, refused_line, reviewed
 
 THREE = {"material.aluminium.young": 63e9, "tip.mass": 8.6, "link.upper.joint.armature": 2.3}
@@ -402,3 +406,19 @@ def test_a_check_prints_half_widths_of_intervals(capsys: Any) -> None:
     fit._print_check(Check(("mass",), np.ones(1), (), np.array([0.01])))
     row = line(capsys.readouterr().out, "mass", "± 2 %", "95 %")
     reviewed("slips: check of a parameter", row)
+
+
+def test_the_stiffness_of_a_tie_and_a_payload_are_found_from_a_motion_by_another_engine() -> None:
+    spring = {"name": "pin", "kind": "distance", "link": "l3", "length": 0.1, "to": {"point": [1.1, 0.0, 0.1]}}
+    spring |= {"stiffness": 2000.0, "damping": 5.0}
+    guess = tied_arm(*({"length": length} for length in (0.4, 1.0, 0.8)), ties=[spring], start=[60.0, -33.03, -116.34])
+    real = {"tie.pin.stiffness": 3000.0, "tip.mass": 0.3}
+    made, guess = guess.varied(real), guess.varied({"tip.mass": 0.2})
+    chain, t, noise = fl.lump(open_chain(made)), np.arange(0.0, 0.401, 0.005), np.random.default_rng(0)
+    angles, _ = Touching(chain, tie_rows(made, chain)).run(fl.initial_state(made, chain)[0], np.zeros(chain.n), t)
+    seen = {f"q l{k} [rad]": angles[:, k - 1] + 1e-4 * noise.standard_normal(len(t)) for k in (1, 3)}
+    found = fl.fit(problem(guess, tuple(real), fl.fits.FitRun(name="fall", columns={"t [s]": t, **seen})))
+    assert found.passed
+    for path, value in real.items():
+        assert found[path].low < value < found[path].high
+        assert found[path].half < 0.05 * value
