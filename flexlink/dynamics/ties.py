@@ -22,10 +22,10 @@ from flexlink.describe.schemes.methods import method
 from flexlink.describe.sensor import Sensor
 from flexlink.describe.tie import Tie, TieEnd, refuse_ties
 from flexlink.dynamics.free_motion import all_motions, basis
-from flexlink.kernels.geometry.kinematics import forward_kinematics, kinematics_workspace
+from flexlink.kernels.geometry.kinematics import forward_kinematics
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.inputs.record import MotionTable, no_motion
-from flexlink.kernels.stepping.tie_rows import KIND, TIE, find_rows, spring_forces
+from flexlink.kernels.stepping.tie_rows import KIND, TIE, find_rows, places_of, spring_forces
 
 Rows = NDArray[np.void]
 Ties = tuple[Rows, MotionTable]
@@ -170,7 +170,7 @@ def gaps(ties: Ties, chain: Chain, q: Array, t: float = 0.0) -> tuple[Array, Arr
     rows, lengths = ties
     g, J, moved = np.zeros(len(rows)), np.zeros((len(rows), chain.n)), np.zeros((3, len(rows)))
     follow(lengths, t, *moved)
-    find_rows(chain.arrays, rows, moved[0], q, kinematics_workspace(chain.arrays), g, J)
+    find_rows(chain.arrays, rows, moved[0], q, places_of(chain.arrays), g, J)
     return g, J, -moved[1]
 
 

@@ -22,14 +22,13 @@ from flexlink.kernels.forward.mass_plus import factor_columns
 from flexlink.kernels.forward.mass_plus_plane import plane_postures
 from flexlink.kernels.forward.mass_plus_shapes import ShapedPosture, shaped_postures
 from flexlink.kernels.forward.mass_plus_space import space_postures
-from flexlink.kernels.geometry.kinematics import kinematics_workspace
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.embedded import EmbeddedMethod, EmbeddedWork
 from flexlink.kernels.stepping.error_norm import Springs
 from flexlink.kernels.stepping.implicit_layout import VECTOR, ImplicitMethod, ImplicitWork, Turning
 from flexlink.kernels.stepping.saturation import Saturation
 from flexlink.kernels.stepping.step_state import STEPPER
-from flexlink.kernels.stepping.tie_rows import LAW
+from flexlink.kernels.stepping.tie_rows import LAW, places_of
 from flexlink.kernels.stepping.ties import Answers, Ties
 from flexlink.motion.inputs.drives import gains_at_zero
 from flexlink.motion.tolerable import read_by
@@ -107,7 +106,7 @@ def ties_of(record: Record, s: int, real: int, pairs: int) -> Ties | None:
     law = np.where(held, LAW.held, LAW.free)
     return Ties(
         rows, np.array([chain.size]), numbers, lengths, np.zeros((3, r)), law, np.full(r, np.nan),
-        λ, last, gap, np.zeros((2, r)), np.zeros(2), np.zeros((2, r)), kinematics_workspace(chain.arrays), J, middle,
+        λ, last, gap, np.zeros((2, r)), np.zeros(2), np.zeros((2, r)), places_of(chain.arrays), J, middle,
         of_real, of_pairs, again, np.zeros(r), np.zeros(6),
     )  # fmt: skip
 
@@ -149,7 +148,7 @@ def remembered(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
 def stages_of(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
     """Stages of the last step, multipliers and laws of ties, from which the next implicit step's iteration starts."""
     stages = (work.stages,) if isinstance(work, ImplicitWork) else ()
-    return stages if work.ties is None else (*stages, work.ties.λ, work.ties.last, work.ties.left)
+    return stages if work.ties is None else (*stages, work.ties.λ, work.ties.last, work.ties.left, work.ties.used)
 
 
 def friction_laws(work: EmbeddedWork | ImplicitWork) -> tuple[float, ...]:

@@ -138,6 +138,20 @@ def add_slope(chain, placed, body, point, u, J):
         i = chain.bodies[i].parent - 1
 
 
+@recursion
+def spread(chain, placed, loads, τ):
+    """τ (n,) += Jᵀ of loads (bodies, 6), forces and moments about the origin; loads add up toward the base."""
+    for i in range(len(chain.bodies) - 1, -1, -1):
+        b, f = chain.bodies[i], vector(loads[i])
+        moment = vector(loads[i, 3:])
+        about = sub(moment, cross(vector(placed.points[i]), f))
+        for k in range(b.first, b.stop):
+            τ[k] += dot(vector(placed.axes[k]), f if chain.hinges[k].axis >= SLIDES else about)
+        if b.parent > 0:
+            put(loads[b.parent - 1], add(vector(loads[b.parent - 1]), f))
+            put(loads[b.parent - 1, 3:], add(vector(loads[b.parent - 1, 3:]), moment))
+
+
 def body_point(address, body, q, point):
     """Write the hinge point of a body, given by its index; return whether q has n finite values.
 

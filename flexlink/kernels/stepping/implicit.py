@@ -67,14 +67,14 @@ def implicit_step(t, h, inputs, state, allowed, work):
     q, qd, qdd, done = state
     tolerance, accurate = allowed
     angles, rates = work.vectors[VECTOR.q_middle], work.vectors[VECTOR.qd_middle]
-    accepted, law = work.stepper[STEPPER.accepted] > 0.0, work.stepper[STEPPER.turning] > 0.0
+    law = work.stepper[STEPPER.turning] > 0.0
     predict(h, work)
     for k in range(len(q)):
         angles[k], rates[k] = q[k] + 0.5 * h * qd[k], qd[k]
     follow(inputs.motion, t + 0.5 * h, angles, rates, work.vectors[VECTOR.tau])
     place_bodies(angles, work.posture)
     if work.ties is not None:
-        begin_ties(t, h, state, angles, accepted, work)
+        begin_ties(t, h, state, angles, work)
     if work.forces is not None:
         find_own_slopes(work.forces, angles, rates, work.springs.own)
     by_stage = work.stepper[STEPPER.by_stage] > 0.0
@@ -170,26 +170,37 @@ def likely_contraction(h, moved, stepper):
 
 @inlined
 def predict(h, work):
-    """Extrapolate K from the last step's polynomial; K = 0 in a first step, or if h² would magnify stiff noise."""
-    c, qdd, before = work.method.weights[WEIGHT.c], work.stages[STAGE.qdd], work.stages[STAGE.last_qdd]
-    last = work.stepper[STEPPER.last_step]
-    s, n = qdd.shape
+    """Extrapolate K, and multipliers of ties, from the last step's polynomial; 0 in a first step, or if h² would
+    magnify stiff noise.
+    """
+    extrapolate(h, work.stages[STAGE.qdd], work.stages[STAGE.last_qdd], work)
+    for i in range(work.stages.shape[1]):
+        make_possible(work.stages[STAGE.qdd, i], work.posture)
+    if work.ties is not None:
+        extrapolate(h, work.ties.λ, work.ties.last, work)
+    work.stepper[STEPPER.accepted] = 0.0
+
+
+@recursion
+def extrapolate(h, x, before, work):
+    """Continue the polynomial through the stages x (s, n) of the last accepted step, or, if that failed, `before`."""
+    c, last = work.method.weights[WEIGHT.c], work.stepper[STEPPER.last_step]
+    s, n = x.shape
     for i in range(s):
         for k in range(n):
             if work.stepper[STEPPER.accepted] > 0.0:
-                before[i, k] = qdd[i, k]
-            qdd[i, k] = 0.0
-    work.stepper[STEPPER.accepted] = 0.0
-    if last > 0.0 and h <= 4.0 * last:
-        for i in range(s):
-            for j in range(s):
-                weight = 1.0
-                for m in range(s):
-                    if m != j:
-                        weight *= (1.0 + c[i] * h / last - c[m]) / (c[j] - c[m])
-                for k in range(n):
-                    qdd[i, k] += weight * before[j, k]
-            make_possible(qdd[i], work.posture)
+                before[i, k] = x[i, k]
+            x[i, k] = 0.0
+    if last == 0.0 or h > 4.0 * last:
+        return
+    for i in range(s):
+        for j in range(s):
+            weight = 1.0
+            for m in range(s):
+                if m != j:
+                    weight *= (1.0 + c[i] * h / last - c[m]) / (c[j] - c[m])
+            for k in range(n):
+                x[i, k] += weight * before[j, k]
 
 
 @inlined

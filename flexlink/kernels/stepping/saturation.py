@@ -21,7 +21,8 @@ from flexlink.kernels.inputs.laws import unlimited_torque
 from flexlink.kernels.stepping.dense_output import between
 from flexlink.kernels.stepping.error_norm import CLOSER, thrown
 from flexlink.kernels.stepping.step_state import STEPPER
-from flexlink.kernels.stepping.ties import add_impulses, beyond_law, note_impulses, take_other_laws
+from flexlink.kernels.stepping.tie_rows import out_of_range
+from flexlink.kernels.stepping.ties import find_at, rate
 from flexlink.kernels.tools.compiler import entry, inlined, recursion, shared, subroutine
 
 LOOKS = 4  # points checked in a step; a torque that leaves its branch only between two of them has a small error
@@ -188,3 +189,38 @@ def ends_at_switch(x, t, h, shortest, longest, allowed, drive, state, work):
         if work.ties is not None:
             take_other_laws(t, work.ties)
     return True
+
+
+@recursion
+def beyond_law(t, q, qd, work):
+    """How far the multiplier that is farthest beyond its law is beyond it [N], at a state of the step just taken."""
+    ties, largest = work.ties, -math.inf
+    find_at(t, q, ties.gap[0], ties, work.chain)
+    for k in range(len(ties.rows)):
+        v = rate(k, qd, ties)
+        ties.off[0, k] = out_of_range(ties.rows[k], ties.law[k], ties.gap[0, k], v, ties.moved[0, k])
+        largest = max(largest, ties.off[0, k])
+    return largest
+
+
+@recursion
+def note_impulses(left, first, ties):
+    """Note the largest impulse of each row beyond its law in the time `left` [s]."""
+    for k in range(len(ties.rows)):
+        ties.off[1, k] = max(0.0 if first else ties.off[1, k], left * ties.off[0, k])
+
+
+@recursion
+def add_impulses(impulse, ties):
+    """Add Jᵀ p of all rows to the impulses of the joints (n,)."""
+    for k in range(len(ties.rows)):
+        for j in range(len(impulse)):
+            impulse[j] += ties.J[k, j] * ties.off[1, k]
+
+
+@recursion
+def take_other_laws(t, ties):
+    """Let rows that leave their law at once, as their impulses show, take another one in the step from time t on."""
+    for k in range(len(ties.rows)):
+        if ties.off[1, k] > 0.0:
+            ties.left[k] = t

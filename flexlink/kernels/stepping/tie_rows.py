@@ -1,13 +1,16 @@
 """Rows of ties: g and J of each, and the laws of their multipliers λ (`ties`)."""
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from flexlink.kernels.geometry.kinematics import add_slope, kinematics
-from flexlink.kernels.tools.compiler import entry, inlined, recursion, shared
+from flexlink.kernels.tools.compiler import entry, inlined, kernel, recursion, shared
+from flexlink.kernels.tools.lanes import Turns
 from flexlink.kernels.tools.numbered import numbered
-from flexlink.kernels.tools.vec3 import add, apply, dot, scale, sub, vector
+from flexlink.kernels.tools.sincos import cos_sin_all
+from flexlink.kernels.tools.vec3 import add, apply, cross, dot, put, scale, sub, vector
 
 KIND = numbered("point distance joint")
 TIE = np.dtype(
@@ -34,6 +37,33 @@ LAW = numbered("free held spring high low oil bore_empty rod_empty")
 cylinder, of which one side is empty by the last two."""
 
 
+class Places(NamedTuple):
+    """Results of `kinematics`, with scratch."""
+
+    rotations: Any
+    points: Any
+    axes: Any
+    turns: Any  # (3, n) cos q, sin q and q
+    loads: Any  # (bodies, 6) force on a body, and its moment about the origin of frame 0
+
+
+@kernel
+def places_of(chain):
+    """Scratch for the rows of a chain."""
+    m, n = len(chain.bodies), len(chain.hinges)
+    return Places(np.empty((m, 3, 3)), np.empty((m, 3)), np.empty((n, 3)), np.empty((3, n)), np.empty((m, 6)))
+
+
+@recursion
+def place_all(chain, q, placed):
+    """Find the places of all bodies."""
+    turns = Turns(placed.turns[0], placed.turns[1], placed.turns[2])
+    for k in range(len(q)):
+        turns.angles[k] = q[k]
+    cos_sin_all(turns.angles, turns.cosines, turns.sines)
+    kinematics(chain, turns, placed)
+
+
 @inlined
 def place(body, point, placed):
     """Position in frame 0 of a point of a body, or of frame 0."""
@@ -41,40 +71,79 @@ def place(body, point, placed):
     return p if body < 0 else add(vector(placed.points[body]), apply(placed.rotations[body], p))
 
 
+@recursion
+def between(row, length, placed):
+    """g of a row between points, the points of both bodies at which u acts, and u."""
+    a, b = place(row.a, row.point_a, placed), place(row.b, row.point_b, placed)
+    apart = sub(a, b)
+    if row.kind == KIND.distance:
+        far = math.sqrt(dot(apart, apart))
+        u = scale(1.0 / far if far > 0.0 else 0.0, apart)  # ends that coincide have no direction
+        return dot(u, apart) - row.length - length, a, b, u
+    u = vector(row.along)  # u turns with body b, as does its point at a
+    if row.b >= 0:
+        u = apply(placed.rotations[row.b], u)
+    return dot(u, apart) - row.length - length, a, a, u
+
+
+@recursion
+def find_row(chain, row, length, q, placed, J):
+    """g of a row, and its J (n,), at the places of all bodies."""
+    rounding = 1e-12  # largest slope of a row, relative to the distance of its points from the origin, that is an error
+    for j in range(len(q)):
+        J[j] = 0.0
+    if row.kind == KIND.joint:
+        J[row.a] = 1.0
+        if row.b >= 0:
+            J[row.b] = -row.ratio
+        return of_joints(row, q)
+    g, a, b, u = between(row, length, placed)
+    add_slope(chain, placed, row.a, a, u, J)
+    add_slope(chain, placed, row.b, b, scale(-1.0, u), J)
+    largest = 0.0
+    for j in range(len(q)):
+        largest = max(largest, abs(J[j]))
+    if largest <= rounding * (math.sqrt(dot(a, a)) + math.sqrt(dot(b, b))):
+        for j in range(len(q)):
+            J[j] = 0.0
+    return g
+
+
+@inlined
+def of_joints(row, q):
+    """g of a row of coordinates."""
+    return q[row.a] - row.ratio * q[row.b] if row.b >= 0 else q[row.a]
+
+
 @shared
 @entry
 def find_rows(chain, rows, length, q, placed, g, J):
     """Write g (r,) and J (r, n) at angles q; `length` (r,) is l where it moves, and `placed` is scratch."""
-    rounding = 1e-12  # largest slope of a row, relative to the distance of its points from the origin, that is an error
-    kinematics(chain, q, placed)
+    place_all(chain, q, placed)
     for k in range(len(rows)):
-        row = rows[k]
-        for j in range(len(q)):
-            J[k, j] = 0.0
-        if row.kind == KIND.joint:
-            g[k], J[k, row.a] = q[row.a], 1.0
-            if row.b >= 0:
-                g[k] -= row.ratio * q[row.b]
-                J[k, row.b] = -row.ratio
-            continue
-        a, b = place(row.a, row.point_a, placed), place(row.b, row.point_b, placed)
-        apart, with_b = sub(a, b), b
-        if row.kind == KIND.distance:
-            far = math.sqrt(dot(apart, apart))
-            u = scale(1.0 / far if far > 0.0 else 0.0, apart)  # ends that coincide have no direction
-        else:
-            u, with_b = vector(row.along), a  # u turns with body b, as does its point at a
-            if row.b >= 0:
-                u = apply(placed.rotations[row.b], u)
-        g[k] = dot(u, apart) - row.length - length[k]
-        add_slope(chain, placed, row.a, a, u, J[k])
-        add_slope(chain, placed, row.b, with_b, scale(-1.0, u), J[k])
-        largest = 0.0
-        for j in range(len(q)):
-            largest = max(largest, abs(J[k, j]))
-        if largest <= rounding * (math.sqrt(dot(a, a)) + math.sqrt(dot(b, b))):
-            for j in range(len(q)):
-                J[k, j] = 0.0
+        g[k] = find_row(chain, rows[k], length[k], q, placed, J[k])
+
+
+@recursion
+def load(row, length, λ, q, placed, R):
+    """g of a row; λ acts on its coordinates in R (n,), or on its bodies at their places."""
+    if row.kind == KIND.joint:
+        R[row.a] -= λ
+        if row.b >= 0:
+            R[row.b] += row.ratio * λ
+        return of_joints(row, q)
+    g, a, b, u = between(row, length, placed)
+    put_force(row.a, a, scale(-λ, u), placed.loads)
+    put_force(row.b, b, scale(λ, u), placed.loads)
+    return g
+
+
+@inlined
+def put_force(body, point, f, loads):
+    """Add a force at a point to the loads of a body."""
+    if body >= 0:
+        put(loads[body], add(vector(loads[body]), f))
+        put(loads[body, 3:], add(vector(loads[body, 3:]), cross(point, f)))
 
 
 @inlined

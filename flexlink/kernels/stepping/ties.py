@@ -48,16 +48,19 @@ from typing import Any, NamedTuple
 from flexlink.kernels.bodies.inverse import inverse_dynamics_into
 from flexlink.kernels.forward.mass_plus import factor, place_bodies, shift_cells, solve
 from flexlink.kernels.forward.mass_plus_cells import FACTORS
+from flexlink.kernels.geometry.kinematics import spread
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.stepping.implicit_layout import VECTOR
 from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.stepping.tie_rows import (
     LAW,
+    find_row,
     find_rows,
     law_of,
+    load,
     multiplier,
     other_law,
-    out_of_range,
+    place_all,
     power_beside,
     stored,
 )
@@ -100,13 +103,13 @@ class Ties(NamedTuple):
     slope: Any  # (2, r) ∂λ/∂g and ∂λ/∂ġ, means of the stages; of an explicit step, at the last one
     stored: Any  # (2,) E of all rows at the start of the step, and at the last state [J]
     off: Any  # (2, r) how far λ is beyond its law [N], and its impulse in the rest of the step [N s]
-    placed: Any  # results of `kinematics`
+    placed: Any  # Places
     J: Any  # (r, n)
     middle: Any  # (r, n) J at the middle of the step; of an explicit step, at its end
     real: Answers
     pairs: Answers  # for the complex eigenvalues
     again: Answers  # for one other matrix
-    used: Any  # (r,)
+    used: Any  # (r,) 0: redundant, or without a part in the last small system
     no_wrench: Any  # (6,) zeros
 
 
@@ -172,18 +175,20 @@ def choose_laws(t, q, qd, work):
 
 
 @subroutine
-def begin_ties(t, h, state, middle, accepted, work):
-    """Find the laws at the start of the step and J in its middle; the stages begin with their last multipliers.
+def begin_ties(t, h, state, middle, work):
+    """Find the laws at the start of the step, and J in its middle.
 
-    `accepted`: whether the last multipliers belong to an accepted step; if not, those of the step before return.
+    The stages begin with extrapolated multipliers; those of redundant rows, which nothing corrects, stay as they are.
     """
     ties, first = work.ties, work.stepper[STEPPER.last_step] == 0.0
     choose_laws(t, state[0], state[1], work)
     for k in range(len(ties.rows)):
+        redundant = ties.law[k] == LAW.held and ties.used[k] == 0.0
         for i in range(len(ties.λ)):
-            if accepted:
-                ties.last[i, k] = ties.λ[i, k]
-            ties.λ[i, k] = 0.0 if ties.law[k] == LAW.free or first else ties.last[i, k]
+            if first or ties.law[k] == LAW.free:
+                ties.λ[i, k] = 0.0
+            elif redundant:
+                ties.λ[i, k] = ties.last[i, k]
     find_at(t + 0.5 * h, middle, ties.gap[0], ties, work.chain)
     keep_slopes(ties)
 
@@ -207,27 +212,35 @@ def noise_of_ties(h, work):
 
 @inlined
 def pull(i, t, q, qd, R, work):
-    """Subtract Jᵀ λ from the residual R (n,) of stage i, and note its gaps; returns the power beside that of E."""
-    ties, power, s = work.ties, 0.0, len(work.ties.λ)
-    find_at(t, q, ties.gap[i], ties, work.chain)
+    """Subtract Jᵀ λ from the residual R (n,) of stage i, and note its gaps; returns the power beside that of E.
+
+    J is needed only for laws that depend on ġ: the multipliers are forces on bodies.
+    """
+    ties, placed, power, s = work.ties, work.ties.placed, 0.0, len(work.ties.λ)
+    follow(ties.lengths, t, ties.moved[0], ties.moved[1], ties.moved[2])
+    place_all(work.chain, q, placed)
+    placed.loads[:, :] = 0.0
     for k in range(len(ties.rows)):
-        λ, row = ties.λ[i, k], ties.rows[k]
-        if ties.law[k] == LAW.held and abs(ties.gap[i, k]) <= 0.1 * CLOSED * ties.size[0]:
-            ties.gap[i, k] = 0.0  # its rounding errors over h² would be accelerations
-        for j in range(len(q)):
-            R[j] -= ties.J[k, j] * λ
+        λ, row, l = ties.λ[i, k], ties.rows[k], ties.moved[0, k]
         if i == 0:
             ties.slope[0, k] = ties.slope[1, k] = 0.0
-        power += λ * rate_by_motions(k, qd, work)
-        if ties.law[k] != LAW.held:
-            g, v = ties.gap[i, k], rate(k, qd, ties)
-            by_law, of_g, of_v = multiplier(row, ties.law[k], g, v, ties.moved[0, k])
+        g = load(row, l, λ, q, placed, R)
+        if ties.law[k] == LAW.held:
+            power -= λ * ties.moved[1, k]
+            # its rounding errors over h² would be accelerations
+            ties.gap[i, k] = 0.0 if abs(g) <= 0.1 * CLOSED * ties.size[0] else g
+        else:
+            find_row(work.chain, row, l, q, placed, ties.J[k])
+            v = rate(k, qd, ties)
+            by_law, of_g, of_v = multiplier(row, ties.law[k], g, v, l)
             ties.gap[i, k] = by_law - λ
             ties.slope[0, k] += of_g / s
             ties.slope[1, k] += of_v / s
-            power += power_beside(row, ties.law[k], g, v, by_law, ties.moved[0, k], ties.moved[1, k])
-        else:
-            power -= λ * ties.moved[1, k]
+            power += power_beside(row, ties.law[k], g, v, by_law, l, ties.moved[1, k])
+    spread(work.chain, placed, placed.loads, R)
+    if ties.ranges[3] > 0:
+        for k in range(len(q)):  # R was 0 there
+            power -= qd[k] * R[k] if work.chain.hinges[k].prescribed else 0.0
     return power
 
 
@@ -463,38 +476,3 @@ def accelerate(t, q, qd, qdd, work):
         μ = ties.real.μ[k]  # of held rows; springs have no part in this system
         power += μ * (rate_by_motions(k, qd, work) - ties.moved[1, k])
     return power + power_of_motions(q, qd, qdd, work)
-
-
-@recursion
-def beyond_law(t, q, qd, work):
-    """How far the multiplier that is farthest beyond its law is beyond it [N], at a state of the step just taken."""
-    ties, largest = work.ties, -math.inf
-    find_at(t, q, ties.gap[0], ties, work.chain)
-    for k in range(len(ties.rows)):
-        v = rate(k, qd, ties)
-        ties.off[0, k] = out_of_range(ties.rows[k], ties.law[k], ties.gap[0, k], v, ties.moved[0, k])
-        largest = max(largest, ties.off[0, k])
-    return largest
-
-
-@recursion
-def note_impulses(left, first, ties):
-    """Note the largest impulse of each row beyond its law in the time `left` [s]."""
-    for k in range(len(ties.rows)):
-        ties.off[1, k] = max(0.0 if first else ties.off[1, k], left * ties.off[0, k])
-
-
-@recursion
-def add_impulses(impulse, ties):
-    """Add Jᵀ p of all rows to the impulses of the joints (n,)."""
-    for k in range(len(ties.rows)):
-        for j in range(len(impulse)):
-            impulse[j] += ties.J[k, j] * ties.off[1, k]
-
-
-@recursion
-def take_other_laws(t, ties):
-    """Let rows that leave their law at once, as their impulses show, take another one in the step from time t on."""
-    for k in range(len(ties.rows)):
-        if ties.off[1, k] > 0.0:
-            ties.left[k] = t
