@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import signal
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from itertools import islice
 from pathlib import Path
@@ -39,7 +39,7 @@ from flexlink.sweeps.workers import MAX_WORKERS, WorkerPool, pool_of
 def sweep(
     what: Sweep | str | Path, *, out: str | Path | None = None,
     executor: Executor | Callable[[], Executor] | None = None, workers: int = 1, dask: str | None = None,
-    slots: int | None = None, part: str | None = None, merge: Sequence[str | Path] = (), fresh: bool = False,
+    slots: int | None = None, part: str | None = None, merge: Iterable[str | Path] = (), fresh: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> SweepRows:  # fmt: skip
     """Run every member of a sweep; each gives one row of outputs.
