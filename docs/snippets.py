@@ -120,7 +120,7 @@ class Page:
 
 
 def _files(word: str) -> list[str]:
-    """Files that a word of a command such as *.db stands for."""
+    """Files that match a word of a command, such as *.db."""
     return sorted(map(str, Path().glob(word))) if "*" in word else []
 
 

@@ -191,7 +191,7 @@ def test_a_cluster_that_grows_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
     run_at_once(monkeypatch, 24, dask="tcp://10.0.0.1:8786")
 
 
-def test_a_guessed_number_of_tasks_is_said() -> None:
+def test_a_guessed_number_of_tasks_is_reported() -> None:
     with pytest.warns(RuntimeWarning) as caught:
         fl.sweep(masses(1), executor=workers.InThread())
     assert [warning.message.args[0].id for warning in caught] == ["slots-guessed"]  # type: ignore[union-attr]
