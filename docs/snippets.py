@@ -100,7 +100,7 @@ class Page:
         assert sentence in plain(self.text), f"the page does not state {sentence!r}"
 
     def _command(self, line: str) -> None:
-        words = shlex.split(line, comments=True)
+        words = [name for word in shlex.split(line, comments=True) for name in _files(word) or [word]]
         if words[:1] == ["flexlink"]:
             try:
                 code = main(words[1:])
@@ -117,6 +117,11 @@ class Page:
                 raise SnippetError(
                     f"{self.name}: {line}: exit code {run.returncode}; docs/not_run.toml does not list it"
                 )
+
+
+def _files(word: str) -> list[str]:
+    """Files that match a word of a command, such as *.db."""
+    return sorted(map(str, Path().glob(word))) if "*" in word else []
 
 
 def plain(text: str) -> str:

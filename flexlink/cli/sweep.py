@@ -3,6 +3,8 @@
 flexlink sweep sweep.toml --out sweep.db
 flexlink sweep sweep.toml --workers 4 --export csv
 flexlink sweep sweep.toml --dask tcp://10.0.0.1:8786 --fresh
+flexlink sweep sweep.toml --part 17/200
+flexlink sweep sweep.toml --merge sweep-*.db
 """
 
 from __future__ import annotations
@@ -19,41 +21,44 @@ from flexlink.cli.shared import assignments, prefix_errors, print_hints, print_l
 from flexlink.common.errors import ArgumentError, Diagnostic, FlexlinkError
 from flexlink.common.progress import Progress, clock
 from flexlink.describe.plausibility.hints import hints
+from flexlink.sweeps.merge import take_parts
 from flexlink.sweeps.plan import Plan, Sweep, fingerprint
 from flexlink.sweeps.run import fill, preflight
 from flexlink.sweeps.store import Store
 from flexlink.sweeps.table import export, require_parquet
-from flexlink.sweeps.workers import MAX_WORKERS
+from flexlink.sweeps.workers import MAX_WORKERS, pool_of
 
 
 def run_command(options: argparse.Namespace) -> int:
     """Run members without a stored result, print a summary, and export results; exit with 1 if all members failed."""
     plan = _planned(options)
-    out = options.out or Path(options.sweep.stem + ".db")
+    end = f"-{options.part.partition('/')[0]}.db" if options.part else ".db"
+    out = options.out or Path(options.sweep.stem + end)
     if out.suffix in {".csv", ".parquet", ".json", ".xlsx"}:
         raise ArgumentError(f"--out {out}: is a database (.db); tables are written by --export", id="unknown-format")
     require_writable(out)
     integer("--workers", options.workers, 1, MAX_WORKERS)
     if options.export == "parquet":
         require_parquet()
-    with Store(out, plan, fingerprint(plan.sweep), fresh=options.fresh) as store:
-        done, begun = store.count(), time.perf_counter()
-        bar = Progress(plan.sweep.scene.name, done / plan.members, parts=plan.members, what="members")
+    with Store(out, plan, fingerprint(plan.sweep), part=options.part, fresh=options.fresh) as store:
+        take_parts(store, options.merge)
+        members, done, begun = len(store.members), store.count(), time.perf_counter()
+        bar = Progress(plan.sweep.scene.name, done / max(members, 1), parts=members, what="members")
         try:
-            fill(store, None, options.workers, options.dask, bar)
+            fill(store, pool_of(None, options.workers, options.dask), bar)
         finally:
             bar.clear()
         seconds, (failed, first) = time.perf_counter() - begun, store.failures()
         if failed:
-            print_lines("warning", [f"{failed} of {plan.members} members failed; {first}"])
+            print_lines("warning", [f"{failed} of {members} members failed; {first}"])
         there = f", {done} stored before" if done else ""
-        print(f"{plan.sweep.scene.name}: {plan.members - done} members run in {clock(seconds)}{there}")
+        print(f"{plan.sweep.scene.name}: {members - done} members run in {clock(seconds)}{there}")
         print(f"results: {store.path}")
         if options.export:
             place = out.with_suffix(f".{options.export}")
             export(place, *store.table())
             print_path("table", place)
-        return int(failed == plan.members)
+        return int(0 < failed == members)
 
 
 def _planned(options: argparse.Namespace) -> Plan:

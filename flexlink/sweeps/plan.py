@@ -6,6 +6,7 @@ import functools
 import hashlib
 import importlib.metadata
 import math
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Any
 
 import msgspec
 
-from flexlink.common.errors import FlexlinkError, SceneError
+from flexlink.common.errors import ArgumentError, FlexlinkError, SceneError
 from flexlink.common.versions import __version__
 from flexlink.common.wording import did_you_mean, truncated
 from flexlink.data import documents
@@ -134,6 +135,18 @@ class Plan:
         self.axes = sorted(axes, key=lambda axis: not _is_slow(axis))
         self.members = math.prod(axis.count for axis in axes)
         self._check()
+
+    def numbers(self, part: str | None) -> range:
+        """Numbers of the members of a part, such as "17/200"; of all members if it is None."""
+        if part is None:
+            return range(self.members)
+        found = re.fullmatch(r"([1-9]\d{0,8})/([1-9]\d{0,8})", part) if isinstance(part, str) else None
+        k, n = map(int, found.groups()) if found else (1, 0)
+        if k > n:
+            raise ArgumentError(
+                f"part = {truncated(part)}: expected 'K/N' with K ≤ N, such as '17/200'", id="wrong-value"
+            )
+        return range((k - 1) * self.members // n, k * self.members // n)
 
     def values(self, number: int) -> dict[str, Any]:
         """Varied values of a member, by key; the last axis changes fastest."""

@@ -8,14 +8,14 @@ from __future__ import annotations
 import contextlib
 import signal
 from collections import Counter, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from itertools import islice
 from pathlib import Path
 
 import msgspec
 
-from flexlink.chain.arguments import integer, require_bool, require_callable
+from flexlink.chain.arguments import integer, require_bool, require_callable, sequence
 from flexlink.chain.lumping import lump, open_chain
 from flexlink.common.errors import ArgumentError, EngineError, FlexlinkError, InterruptedSweepError, SceneError
 from flexlink.common.interruption import Stop, deferred, word
@@ -28,6 +28,7 @@ from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.side_by_side import Block
 from flexlink.results.record import trajectory_from_states
 from flexlink.sweeps.measures import DEFLECTION, MEASURES
+from flexlink.sweeps.merge import take_parts
 from flexlink.sweeps.plan import Plan, Sweep, fingerprint, version
 from flexlink.sweeps.store import Store
 from flexlink.sweeps.table import SweepRows
@@ -38,7 +39,8 @@ from flexlink.sweeps.workers import MAX_WORKERS, WorkerPool, pool_of
 def sweep(
     what: Sweep | str | Path, *, out: str | Path | None = None,
     executor: Executor | Callable[[], Executor] | None = None, workers: int = 1, dask: str | None = None,
-    fresh: bool = False, progress: Callable[[float], None] | None = None,
+    slots: int | None = None, part: str | None = None, merge: Iterable[str | Path] = (), fresh: bool = False,
+    progress: Callable[[float], None] | None = None,
 ) -> SweepRows:  # fmt: skip
     """Run every member of a sweep; each gives one row of outputs.
 
@@ -60,6 +62,13 @@ def sweep(
         Number of processes; 1: no separate process.
     dask
         Address of a Dask scheduler, for example "tcp://10.0.0.1:8786".
+    slots
+        Number of tasks to run at once. None: twice the number of workers, which may grow while the sweep runs; needed
+        for an executor that has no attribute `max_workers`.
+    part
+        Run only a part, "17/200" for the 17th of 200, each with its own `out`.
+    merge
+        Databases of all parts; their rows go to `out`, equal bit for bit to those of a sweep in one piece.
     fresh
         Whether to delete the rows in `out` first.
     progress
@@ -73,7 +82,7 @@ def sweep(
     Raises
     ------
     ArgumentError
-        An argument is out of range, or `out` has rows of another sweep, scene or version.
+        An argument is out of range, `out` has rows of another sweep, scene or version, or a part is missing.
     SceneError
         A key, a range or an output is not valid.
     OutputError
@@ -96,33 +105,36 @@ def sweep(
     """
     require_callable("progress", progress)
     count = integer("workers", workers, 1, MAX_WORKERS)
+    if slots is not None:
+        integer("slots", slots, 1)
     plan = Plan(what if isinstance(what, Sweep) else Sweep.load(what))
     path = None if out is None else require_path("out", out)
+    parts = [require_path("merge", file) for file in sequence("merge", merge, "path")]
     preflight(plan)
-    with Store(path, plan, fingerprint(plan.sweep), fresh=require_bool("fresh", fresh)) as store:
-        fill(store, executor, count, dask, progress or (lambda _: None))
+    with Store(path, plan, fingerprint(plan.sweep), part=part, fresh=require_bool("fresh", fresh)) as store:
+        take_parts(store, parts)
+        fill(store, pool_of(executor, count, dask, slots), progress or (lambda _: None))
         columns, rows = store.table()
         return SweepRows(tuple(columns), tuple(rows))
 
 
 def fill(
-    store: Store, executor: Executor | Callable[[], Executor] | None, workers: int, dask: str | None,
-    progress: Callable[[float], None],
-) -> None:  # fmt: skip
+    store: Store, workers: contextlib.AbstractContextManager[WorkerPool], progress: Callable[[float], None]
+) -> None:
     """Run the members that have no row."""
-    plan, done = store.plan, store.count()
-    if done == plan.members:
+    plan, done, members = store.plan, store.count(), len(store.members)
+    if done == members:
         return
     with deferred() as stop:
-        with pool_of(executor, workers, dask) as pool:
-            progress(done / plan.members)
+        with workers as pool:
+            progress(done / members)
             for rows in Execution(plan, pool, stop).rows(store.missing()):
                 store.add(rows)
                 done += len(rows)
-                progress(done / plan.members)
-        if done < plan.members:
+                progress(done / members)
+        if done < members:
             end = f"in {store.path}; repeat the command to continue" if store.path else "lost; specify out to save them"
-            text = f"{done} of {plural(plan.members, 'row')} {'is' if done == 1 else 'are'} {end}"
+            text = f"{done} of {plural(members, 'row')} {'is' if done == 1 else 'are'} {end}"
             number = stop.signal or signal.SIGINT
             raise InterruptedSweepError(f"{word(number)}; {text}", number)
 
@@ -204,7 +216,8 @@ class Execution:
         """Start tasks until all workers are busy; only one task at a time while a member is suspected of crashes."""
         while self.suspects and not self.running:
             self._start(self.suspects.popleft())
-        while not self.suspects and len(self.running) < self.pool.slots and not self.stop.requested:
+        slots = self.pool.slots
+        while not self.suspects and len(self.running) < slots and not self.stop.requested:
             numbers = self._next(missing)
             if not numbers:
                 break

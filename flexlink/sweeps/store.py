@@ -1,6 +1,6 @@
 """Store the rows of one sweep in an SQLite database; each row is on disk as soon as its task is done.
 
-    about(name, value)                             fingerprint of the sweep, as JSON
+    about(name, value)                             fingerprint of the sweep, as JSON; of a part also its part, "17/200"
     rows(number, status, reason, warnings, …)      one row per member; … are the varied values, by key, and the outputs
     checks(number, sum)                            a checksum per row, since SQLite has none: damage changes no result
 
@@ -31,25 +31,29 @@ LOCK_TIMEOUT = 1.0  # longest wait for a commit by another process [s]; a commit
 
 
 class Store:
-    """Database of a sweep, open for writing; in memory if `path` is None.
+    """Database of a sweep or of one of its parts, open for writing; in memory if `path` is None.
 
     A file that cannot be written, is damaged or not such a database, or has rows of another sweep, is refused.
     """
 
-    def __init__(self, path: Path | None, plan: Plan, identity: Fingerprint, *, fresh: bool = False) -> None:
-        self.path, self.plan = path, plan
+    def __init__(
+        self, path: Path | None, plan: Plan, identity: Fingerprint, *, part: str | None = None, fresh: bool = False
+    ) -> None:
+        self.path, self.plan, self.part = path, plan, part
+        self.identity: Fingerprint = json.loads(json.dumps(identity))  # as it is stored
+        self.members = plan.numbers(part)
         if fresh and path is not None and path.exists():
             self._remove(path)
-        with self._translated_errors():
+        with errors_of(path):
             self._db = sqlite3.connect(path or ":memory:", timeout=LOCK_TIMEOUT, isolation_level=None)
         try:
-            with self._translated_errors():
-                self._open(json.dumps(identity, ensure_ascii=False))
+            with errors_of(path):
+                self._open(self.identity | ({"part": part} if part else {}))
         except BaseException:
             self._db.close()
             raise
 
-    def _open(self, identity: str) -> None:
+    def _open(self, identity: Fingerprint) -> None:
         run = self._db.execute
         names = (*ROW_COLUMNS, *self.plan.sweep.keys, *self.plan.sweep.quantity)
         run("BEGIN EXCLUSIVE")  # must precede the check, because another sweep may be creating the same file
@@ -60,15 +64,14 @@ class Store:
             run(f"PRAGMA application_id = {APPLICATION_ID}")
             run("CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL)")
             run(f"CREATE TABLE rows ({columns})")
-            run("INSERT INTO about VALUES ('identity', ?)", (identity,))
+            run("INSERT INTO about VALUES ('identity', ?)", (json.dumps(identity, ensure_ascii=False),))
         run("COMMIT")  # before WAL, so that the file itself (not the log) identifies its owner
         run("PRAGMA journal_mode = WAL")
         run("PRAGMA synchronous = NORMAL")  # if the machine crashes, the last rows may be computed again
         run("BEGIN IMMEDIATE")
         if run("PRAGMA quick_check(1)").fetchone()[0] != "ok":
             raise sqlite3.DatabaseError("database disk image is malformed")
-        stored = run("SELECT value FROM about WHERE name = 'identity'").fetchone()[0]
-        changed = differences(json.loads(stored), json.loads(identity))
+        changed = differences(_identity(self._db), identity)
         if changed:
             why = f"{self.path}: has rows of another sweep: {changed}; use another file, or start again (--fresh)"
             raise ArgumentError(why, id="rows-of-another-sweep")
@@ -81,7 +84,7 @@ class Store:
             self._add_checks(0, self.plan.members)
         found = self._db.execute("SELECT rows.*, checks.sum FROM rows LEFT JOIN checks USING (number)")
         there = tuple(column[0] for column in found.description[:-1])
-        changed = [n for n, *row, sum_ in found if not 0 <= n < self.plan.members or _sum((n, *row)) != sum_]
+        changed = [n for n, *row, sum_ in found if n not in self.members or _sum((n, *row)) != sum_]
         if changed or there != names:
             raise ValueError(f"row {changed[0]} has changed" if changed else "other columns")
 
@@ -109,20 +112,32 @@ class Store:
         lines = [(*row[:4], *map(_kept, self.plan.values(row.number).values()), *row.values) for row in rows]
         if lines:
             marks = ", ".join("?" * len(lines[0]))
-            with self._translated_errors("; earlier rows remain, and the same command continues from there"):
+            with errors_of(self.path, "; earlier rows remain, and the same command continues from there"):
                 self._db.executemany(f"INSERT INTO rows VALUES ({marks})", lines)
                 self._add_checks(min(row.number for row in rows), max(row.number for row in rows))
-                self._db.execute("COMMIT")
-                self._db.execute("BEGIN IMMEDIATE")  # takes the lock again before another process can take it
+                self._commit()
             if self.path is not None and not self.path.exists():
                 gone = "was removed or renamed while the sweep ran, so its rows are lost; run the sweep again"
                 raise OutputError(f"{self.path}: {gone}", id="cannot-write")
 
+    def take(self, part: Store) -> None:
+        """Add and commit the rows of a part, and their checksums, as they are; rows that are there stay."""
+        with errors_of(self.path):
+            for name in ("rows", "checks"):
+                found = part._db.execute(f"SELECT * FROM {name}")
+                marks = ", ".join("?" * len(found.description))
+                self._db.executemany(f"INSERT OR IGNORE INTO {name} VALUES ({marks})", found)
+            self._commit()
+
+    def _commit(self) -> None:
+        self._db.execute("COMMIT")
+        self._db.execute("BEGIN IMMEDIATE")  # takes the lock again before another process can take it
+
     def missing(self) -> Iterator[int]:
         """Numbers of the members without a row, in order; rows may be added during the iteration."""
-        part = 65_536  # number of members to look up together
-        for first in range(0, self.plan.members, part):
-            within = first, min(first + part, self.plan.members)
+        together = 65_536  # number of members to look up together
+        for first in range(self.members.start, self.members.stop, together):
+            within = first, min(first + together, self.members.stop)
             found = self._db.execute("SELECT number FROM rows WHERE number >= ? AND number < ?", within)
             have = {number for (number,) in found}
             yield from (number for number in range(*within) if number not in have)
@@ -145,31 +160,43 @@ class Store:
 
     def _remove(self, path: Path) -> None:
         """Delete the database; raise an error if another process writes to it or it belongs to another program."""
-        with self._translated_errors(), contextlib.closing(sqlite3.connect(path, timeout=LOCK_TIMEOUT)) as db:
+        with errors_of(path), contextlib.closing(sqlite3.connect(path, timeout=LOCK_TIMEOUT)) as db:
             db.execute("BEGIN IMMEDIATE")
             _is_ours(db)
-        with self._translated_errors():
+        with errors_of(path):
             for end in ("", "-wal", "-shm"):
                 path.with_name(path.name + end).unlink(missing_ok=True)
 
-    @contextlib.contextmanager
-    def _translated_errors(self, then: str = "") -> Iterator[None]:
-        """Convert SQLite's errors to an OutputError in one line; `then` is appended if a database cannot be written."""
-        try:
-            yield
-        except ArgumentError:
-            raise
-        except (sqlite3.Error, OSError, ValueError, TypeError, RecursionError) as error:
-            text = str(error)
-            if "locked" in text or isinstance(error, sqlite3.IntegrityError):
-                why = "another process is writing to it; wait until it ends, or use another file"
-            elif not isinstance(error, sqlite3.Error | OSError) or re.search("malformed|no such|decode", text):
-                why = f"is damaged ({text}); use another file, or start again (--fresh)"
-            elif "another program's" in text or "not a database" in text:
-                why = f"is not a database of a sweep ({text}), and stays unchanged; use another file"
-            else:
-                why = f"cannot be written: {text}{then}"
-            raise OutputError(f"{self.path}: {why}", id="cannot-write") from None
+
+@contextlib.contextmanager
+def errors_of(path: Path | None, then: str = "") -> Iterator[None]:
+    """Convert SQLite's errors to an OutputError in one line; `then` is appended if a database cannot be written."""
+    try:
+        yield
+    except ArgumentError:
+        raise
+    except (sqlite3.Error, OSError, ValueError, TypeError, RecursionError) as error:
+        text = str(error)
+        if "locked" in text or isinstance(error, sqlite3.IntegrityError):
+            why = "another process is writing to it; wait until it ends, or use another file"
+        elif not isinstance(error, sqlite3.Error | OSError) or re.search("malformed|no such|decode", text):
+            why = f"is damaged ({text}); use another file, or start again (--fresh)"
+        elif "another program's" in text or "not a database" in text:
+            why = f"is not a database of a sweep ({text}), and stays unchanged; use another file"
+        else:
+            why = f"cannot be written: {text}{then}"
+        raise OutputError(f"{path}: {why}", id="cannot-write") from None
+
+
+def stored(path: Path) -> tuple[Fingerprint, int]:
+    """Fingerprint and number of rows of a database."""
+    with errors_of(path), contextlib.closing(sqlite3.connect(path, timeout=LOCK_TIMEOUT)) as db:
+        _is_ours(db)
+        return _identity(db), db.execute("SELECT count(*) FROM rows").fetchone()[0]
+
+
+def _identity(db: sqlite3.Connection) -> Fingerprint:
+    return dict(json.loads(db.execute("SELECT value FROM about WHERE name = 'identity'").fetchone()[0]))
 
 
 def _is_ours(db: sqlite3.Connection) -> bool:

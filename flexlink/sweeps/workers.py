@@ -6,13 +6,14 @@ import contextlib
 import multiprocessing
 import os
 import signal
+import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from multiprocessing.connection import Connection, wait
 from threading import Thread
 from typing import Any
 
-from flexlink.common.errors import ArgumentError, EngineError, imported
+from flexlink.common.errors import ArgumentError, Diagnostic, EngineError, imported
 from flexlink.common.wording import truncated
 
 TASKS_PER_WORKER = 2  # number of queued tasks per worker: one that runs, and one that is ready
@@ -71,12 +72,30 @@ def end_with(watched: Connection) -> None:
     exit_when_closed(watched)
 
 
-class WorkerPool:
-    """An executor of tasks, which `slots` tasks keep busy, and the function that replaces it."""
+def workers_in(executor: Executor) -> int:
+    """Number of workers that an executor names; 0 if it names none."""
+    return int(getattr(executor, "max_workers", 0) or getattr(executor, "_max_workers", 0) or 0)
 
-    def __init__(self, make: Callable[[], Executor], slots: int, *, again: bool = False) -> None:
-        self.make, self.slots, self.again = make, slots, again
+
+class WorkerPool:
+    """An executor of tasks, the function that replaces it, and the number of tasks that keep it busy."""
+
+    def __init__(
+        self, make: Callable[[], Executor], slots: int | None, *, again: bool = False,
+        workers: Callable[[Executor], int] = workers_in,
+    ) -> None:  # fmt: skip
+        self.make, self.again, self.workers = make, again, workers
         self.executor = make()
+        self._fixed = slots
+        if not slots and not workers(self.executor):
+            self._fixed = TASKS_PER_WORKER * (os.cpu_count() or 1)
+            why = f"{truncated(self.executor)}: names no number of workers, so {self._fixed} tasks run at once"
+            warnings.warn(Diagnostic(f"{why}; give slots", "slots-guessed"), RuntimeWarning, stacklevel=2)
+
+    @property
+    def slots(self) -> int:
+        """Number of tasks that keep all workers busy; workers may come and go."""
+        return self._fixed or TASKS_PER_WORKER * self.workers(self.executor)
 
     def replace(self) -> bool:
         """Replace a broken executor; return False if it cannot be replaced."""
@@ -87,20 +106,21 @@ class WorkerPool:
 
 
 @contextlib.contextmanager
-def pool_of(executor: Executor | Callable[[], Executor] | None, workers: int, dask: str | None) -> Iterator[WorkerPool]:
+def pool_of(
+    executor: Executor | Callable[[], Executor] | None, workers: int, dask: str | None, slots: int | None = None
+) -> Iterator[WorkerPool]:
     """Pool with the caller's executor, or one made by the caller's function, or an executor for `dask` or `workers`."""
     if isinstance(executor, Executor):  # the caller shuts it down
-        workers = int(getattr(executor, "_max_workers", 0) or os.cpu_count() or 1)
-        yield WorkerPool(lambda: executor, TASKS_PER_WORKER * workers)
+        yield WorkerPool(lambda: executor, slots)
     elif callable(executor):
-        yield from _own(WorkerPool(executor, TASKS_PER_WORKER * (os.cpu_count() or 1), again=True))
+        yield from _own(WorkerPool(executor, slots, again=True))
     elif executor is not None:
         why = f"executor = {truncated(executor)}: expected a concurrent.futures.Executor or a function"
         raise ArgumentError(why, id="wrong-type")
     elif dask is not None:
-        yield from _on_cluster(dask)
+        yield from _on_cluster(dask, slots)
     elif workers > 1:
-        yield from _own(WorkerPool(lambda: Workers(workers), TASKS_PER_WORKER * workers, again=True))
+        yield from _own(WorkerPool(lambda: Workers(workers), slots, again=True))
     else:
         yield WorkerPool(InThread, 1)
 
@@ -112,7 +132,7 @@ def _own(pool: WorkerPool) -> Iterator[WorkerPool]:
         pool.executor.shutdown(wait=False, cancel_futures=True)
 
 
-def _on_cluster(address: str) -> Iterator[WorkerPool]:
+def _on_cluster(address: str, slots: int | None) -> Iterator[WorkerPool]:
     """Pool on the cluster of a Dask scheduler at an address, for example tcp://10.0.0.1:8786."""
     distributed = imported("distributed", "a Dask cluster needs distributed;", "dask")
     try:
@@ -125,7 +145,13 @@ def _on_cluster(address: str) -> Iterator[WorkerPool]:
         except TimeoutError:
             why = f"{address}: the scheduler has no workers; start some with: dask worker {address}"
             raise EngineError(why, id="no-scheduler") from None
-        yield WorkerPool(client.get_executor, TASKS_PER_WORKER * max(4, sum(client.nthreads().values())))
+
+        def threads(_: Executor) -> int:
+            with contextlib.suppress(OSError):  # tasks on a cluster that is gone end with an error
+                return int(max(1, sum(client.nthreads().values())))
+            return 1
+
+        yield WorkerPool(client.get_executor, slots, workers=threads)
 
 
 def exit_when_closed(pipe: Connection | int) -> None:
