@@ -51,11 +51,12 @@ def tied_equilibrium(
         stable = least >= -1e-9 * np.abs(reduced).max(initial=0.0)
         if not stable:  # away from unstable equilibria
             reduced = reduced - 2.0 * least * np.eye(f)
-        matrix = np.block([[reduced, border.T], [border, np.zeros((r, r))]])
-        right = -np.concatenate([B.T @ torque, g[exact]])
+        stiff = np.abs(reduced).max(initial=0.0) or 1.0  # in these units rows near a singular posture are not lost
+        matrix = np.block([[reduced / stiff, border.T], [border, np.zeros((r, r))]])
+        right = -np.concatenate([B.T @ torque / stiff, g[exact]])
         change = np.linalg.lstsq(matrix, right, rcond=1e-14)[0]
         part = min(1.0, largest / max(np.abs(change[:f]).max(initial=0.0), 1e-300))
-        q, λ[exact] = q + part * (B @ change[:f]), λ[exact] + part * change[f:]
+        q, λ[exact] = q + part * (B @ change[:f]), λ[exact] + part * stiff * change[f:]
         if stable and np.abs(change[:f]).max(initial=0.0) <= settled * max(1.0, chain.size):
             return np.asarray(q)
     raise ConvergenceError(

@@ -111,6 +111,15 @@ def test_random_arms_rest_at_the_least_energy(seed: int, more: dict) -> None:
     np.testing.assert_allclose(other.balance(q), 0.0, atol=1e-10)
 
 
+def test_rows_near_a_singular_posture_are_closed_at_rest() -> None:
+    """One of a hinge's five independent rows, which the springs' bending alone opens, has a slope of 2e-5."""
+    scene = random_arm(31)
+    chain, rest = at_rest(scene)
+    g, J, _ = gaps(tie_rows(scene, chain), chain, rest.q)
+    assert 1e-6 < np.linalg.svd(J, compute_uv=False)[4] < 1e-4
+    np.testing.assert_allclose(g, 0.0, atol=1e-13)
+
+
 def crane(flex: dict, k: float, foot: np.ndarray, length: float) -> fl.Scene:
     """A boom of 10 m at 20°, hinged at its root, on a cylinder at 3 m."""
     links = [{"length": 3.0, **flex}, {"length": 7.0, **flex, "joint": {"axis": [0, -1, 0], "locked": True}}]

@@ -270,6 +270,42 @@ def test_a_parallelogram_swings_like_a_pendulum() -> None:
     np.testing.assert_allclose(run.q[:, 0], np.radians(-90.0) + truth, atol=1e-7)
 
 
+def fourbars(number: int) -> fl.Scene:
+    """Four-bars in a row (IFToMM A02): rods of 1 m and 1 kg, upright, whose tips start at 1 m/s."""
+    common = {"length": 1.0, "material": "m", "section": "rod", "flex": "rigid"}
+    bars, cranks = ([f"{kind}{k}" for k in range(1, number + 1)] for kind in "bc")
+    on = {"c0": "base"} | dict(zip(bars, ["c0", *bars], strict=False)) | dict(zip(cranks, bars, strict=True))
+    turned = {"c0": 90.0, "b1": -90.0} | dict.fromkeys(cranks, -90.0)
+    rates = {"c0": -1.0, "b1": 1.0} | dict.fromkeys(cranks, -1.0)  # of the upright rods −1 rad/s, of the others 0
+    ends = [[float(k), 0.0, 0.0] for k in range(1, number + 1)]
+    return scene_from({
+        "name": "fourbars", "gravity": [0, -9.81, 0], "material": {"m": {"young": 1e11, "density": 1e6}},
+        "section": {"rod": {"shape": "rectangle", "height": 1e-3, "width": 1e-3}},
+        "link": [{"name": name, "on": below, **common} for name, below in on.items()],
+        "initial": {"joint_deg": [turned.get(name, 0.0) for name in on],
+                    "rate_deg": np.degrees([rates.get(name, 0.0) for name in on]).tolist()},
+        "tie": [{"name": c, "kind": "point", "link": c, "to": {"point": p}} for c, p in zip(cranks, ends, strict=True)],
+        "run": {"duration": 10.0, "sample": 0.05, "tolerance": 1e-3},
+    })  # fmt: skip
+
+
+@pytest.mark.parametrize("number", [2, 10])
+def test_four_bars_pass_their_singular_postures_as_one_pendulum(number: int) -> None:
+    """((N + 1) J + N m L²) θ̈ = −((N + 1) / 2 + N) m g L cos θ; the benchmark allows a change of energy of 0.1 J."""
+    run = fl.simulate(fourbars(number))
+    inertia = (number + 1) * (1.0 / 3.0 + 1e-6 / 12.0) + number
+    weight = 9.81 * ((number + 1) / 2 + number)
+    truth = solve_ivp(
+        lambda _t, y: [y[1], -weight * np.cos(y[0]) / inertia], (0.0, 10.0), [np.pi / 2, -1.0],
+        rtol=1e-11, atol=1e-12, t_eval=run.t,
+    ).y[0]  # fmt: skip
+    assert truth[-1] < -8 * np.pi  # it turns, through both flat postures
+    np.testing.assert_allclose(run.q[:, 0], truth, atol=1e-3)
+    E = run.energy.kinetic + run.energy.gravity
+    assert np.abs(E - E[0]).max() < 0.1
+    assert run.kept
+
+
 def bricard() -> fl.Scene:
     """Bricard's mechanism: five rods of 1 m on hinges at right angles, whose ends a sixth hinge ties to the ground."""
     turns = [(-90, 0, 0), (90, 90, 0), (-90, -90, 0), (90, 90, 0), (-90, -90, 0)]

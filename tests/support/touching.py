@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pinocchio as pin
 from scipy.integrate import solve_ivp
@@ -11,6 +13,7 @@ from flexlink.kernels.stepping.tie_rows import KIND
 from tests.support.loops import Loop, TooHardError, Torque, undriven
 
 FREE, SPRING, HIGH, LOW, HELD = range(5)
+ENDS = {HIGH: "high", LOW: "low"}
 
 
 class Touching(Loop):
@@ -56,14 +59,14 @@ class Touching(Loop):
     def pressed(self, k: int, law: int, g: np.ndarray, v: np.ndarray) -> float:
         """λ at one end of the range of a spring, positive where it presses."""
         row, side = self.rows[k], 1 if law == HIGH else -1
-        depth = side * (g[k] - row["high" if law == HIGH else "low"])
+        depth = side * (g[k] - row[ENDS[law]])
         return float(row["stiffness"] * depth * (1 + row["dissipation"] * side * v[k] * (depth > 0)))
 
-    def leaves(self, k: int, law: int, g: np.ndarray, v: np.ndarray) -> float:
-        """How far a spring is beyond its law."""
-        if law in (HIGH, LOW):
-            return -self.pressed(k, law, g, v)
-        return max(self.pressed(k, end, g, v) for end in (HIGH, LOW)) if law == FREE else -1.0
+    def leaves(self, k: int, law: int, end: int, g: np.ndarray, v: np.ndarray) -> float:
+        """How far a spring is beyond its law at one end of its range."""
+        if law == FREE:
+            return self.pressed(k, end, g, v)
+        return -self.pressed(k, law, g, v) if law == end else -1.0
 
     def law(self, k: int, g: np.ndarray, v: np.ndarray) -> int:
         row = self.rows[k]
@@ -126,11 +129,18 @@ class Touching(Loop):
             Y, a, J = free[:, 1:], free[:, 0], J[exact]
             return np.concatenate([v, a - Y @ np.linalg.lstsq(J @ Y, J @ a + bent[exact], rcond=1e-10)[0]])
 
-        def ends(now: float, y: np.ndarray, laws: list[int], _τ: np.ndarray | None) -> float:
-            g, _, v = self.state(now, y)
-            return max(self.leaves(k, laws[k], g, v) for k in r)
+        def event(k: int, end: int) -> Callable[..., float]:
+            """Of one row and end: one that is just beyond its law would hide the others in a maximum over all."""
 
-        ends.terminal, ends.direction = True, 1
+            def leaves(now: float, y: np.ndarray, laws: list[int], _τ: np.ndarray | None) -> float:
+                g, _, v = self.state(now, y)
+                return self.leaves(k, laws[k], end, g, v)
+
+            leaves.terminal, leaves.direction = True, 1
+            return leaves
+
+        ranges = [k for k in r if self.rows[k]["low"] < self.rows[k]["high"]]
+        ends = [event(k, end) for k in ranges for end in (HIGH, LOW) if np.isfinite(self.rows[k][ENDS[end]])]
         y, time, angles, pieces = np.zeros(2 * n), t[0], np.full((len(t), n), np.nan), 0
         y[order], y[n + order], τ = q, qd, None
         moving = [at for times, _ in self.moves.values() for at in times]
