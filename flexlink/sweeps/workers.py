@@ -72,9 +72,10 @@ def end_with(watched: Connection) -> None:
     exit_when_closed(watched)
 
 
-def workers_in(executor: Executor) -> int:
-    """Number of workers that an executor names; 0 if it names none."""
-    return int(getattr(executor, "max_workers", 0) or getattr(executor, "_max_workers", 0) or 0)
+def workers_in(executor: Executor) -> int | None:
+    """Number of workers that an executor names, which may be 0 at first; None if it names none."""
+    named = (getattr(executor, name, None) for name in ("max_workers", "_max_workers"))
+    return next((count for count in named if isinstance(count, int)), None)
 
 
 class WorkerPool:
@@ -82,12 +83,12 @@ class WorkerPool:
 
     def __init__(
         self, make: Callable[[], Executor], slots: int | None, *, again: bool = False,
-        workers: Callable[[Executor], int] = workers_in,
+        workers: Callable[[Executor], int | None] = workers_in,
     ) -> None:  # fmt: skip
         self.make, self.again, self.workers = make, again, workers
         self.executor = make()
         self._fixed = slots
-        if not slots and not workers(self.executor):
+        if slots is None and workers(self.executor) is None:
             self._fixed = TASKS_PER_WORKER * (os.cpu_count() or 1)
             why = f"{truncated(self.executor)}: names no number of workers, so {self._fixed} tasks run at once"
             warnings.warn(Diagnostic(f"{why}; give slots", "slots-guessed"), RuntimeWarning, stacklevel=2)
@@ -95,7 +96,7 @@ class WorkerPool:
     @property
     def slots(self) -> int:
         """Number of tasks that keep all workers busy; workers may come and go."""
-        return self._fixed or TASKS_PER_WORKER * self.workers(self.executor)
+        return self._fixed or TASKS_PER_WORKER * max(1, self.workers(self.executor) or 0)
 
     def replace(self) -> bool:
         """Replace a broken executor; return False if it cannot be replaced."""
@@ -148,8 +149,8 @@ def _on_cluster(address: str, slots: int | None) -> Iterator[WorkerPool]:
 
         def threads(_: Executor) -> int:
             with contextlib.suppress(OSError):  # tasks on a cluster that is gone end with an error
-                return int(max(1, sum(client.nthreads().values())))
-            return 1
+                return int(sum(client.nthreads().values()))
+            return 0
 
         yield WorkerPool(client.get_executor, slots, workers=threads)
 

@@ -189,6 +189,9 @@ def test_a_cluster_that_grows_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
     client.get_executor.return_value = ThreadPoolExecutor(24)
     client.nthreads.side_effect = chain([{}], repeat({"worker": 24}))  # workers arrive after the first tasks
     run_at_once(monkeypatch, 24, dask="tcp://10.0.0.1:8786")
+    sizes = chain([0, 0], repeat(24))
+    monkeypatch.setattr(Threads, "max_workers", property(lambda _: next(sizes)), raising=False)
+    run_at_once(monkeypatch, 24, executor=Threads(24))
 
 
 def test_a_guessed_number_of_tasks_is_reported() -> None:
