@@ -21,13 +21,15 @@ from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Vector3
 from flexlink.robots.flexible import FlexibleLink, ImportedLink, bent, payload
+from flexlink.robots.kinematic_tree import Robot
 from flexlink.robots.paths import Part, Paths
 
 
 def assembled(
-    name: str, way: Paths, flexible: Mapping[str, FlexibleLink], armature: Mapping[str, float], gravity: Vector3
+    robot: Robot, way: Paths, flexible: Mapping[str, FlexibleLink], armature: Mapping[str, float], gravity: Vector3
 ) -> tuple[Scene, list[ImportedLink]]:
     """Return the scene and its imported links; Young's moduli are not yet tuned to frequencies."""
+    ends = short_list([tip.link for tip in way.tips])
     names = _names(way)
     parts = list(_imported_links(way, names, flexible, armature))
     links, starts = list[Link](), list[float]()
@@ -47,8 +49,8 @@ def assembled(
     materials = {one.link.name: one.material for one in parts if one.material is not None}
     sections = {one.link.name: one.section for one in parts if one.section is not None}
     scene = Scene(
-        name=name,
-        about=f"{name} from {way.base} to {short_list([tip.link for tip in way.tips])}, imported from URDF",
+        name=robot.name,
+        about=f"{robot.name} from {way.base} to {ends}, imported from {robot.source}",
         arm=Arm(links=tuple(links), materials=materials, sections=sections, base=base),
         gravity=gravity,
         initial=InitialState(joint_deg=angles, joint_m=metres if any(slides) else None, base=pose),

@@ -1,4 +1,4 @@
-"""URDF → scene: import a complete robot, or the paths to some of its links, as an arm; links may be flexible.
+"""URDF, MJCF → scene: import a complete robot, or the paths to some of its links, as an arm; links may be flexible.
 
 Joints that mimic a free joint: on a fixed base they are inertia and friction of their leader.
 
@@ -34,11 +34,11 @@ from flexlink.common.types import Array
 from flexlink.common.wording import short_list, truncated
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Vector3
-from flexlink.describe.tie import Tie, TieEnd
 from flexlink.dynamics.vibration.modal import natural_frequencies
 from flexlink.robots.assembly import assembled
 from flexlink.robots.flexible import FlexibleLink, ImportedLink, payload, rounded_down, slender_mass
 from flexlink.robots.kinematic_tree import Mimic, Robot, TreeJoint, finite
+from flexlink.robots.loops import ties_of
 from flexlink.robots.paths import Part, Paths, along, folded, paths
 from flexlink.robots.robot_file import acts, read_robot
 
@@ -58,7 +58,7 @@ class ImportResult:
     largest_beams
         For each link, the largest mass [kg] of a thin beam from joint to joint; 0 if the joints coincide.
     notes
-        One line for each joint or link that was folded, fixed or ignored, for each flexible link, and for each element
+        One line for each joint or link that was folded, fixed or ignored, loop, and flexible link, and for each element
         or attribute that acts on the motion in some program and is not read.
     warnings
         Doubtful results: angles that are likely in degrees, a beam much lighter than its link, an inertia that no real
@@ -87,18 +87,19 @@ def import_urdf(
     flexible: Mapping[str, FlexibleLink] = NOTHING, armature: Mapping[str, float] = NOTHING,
     gravity: Vector3 = (0.0, 0.0, -9.81),
 ) -> ImportResult:  # fmt: skip
-    """Convert a URDF file to a scene, with the complete robot or only the paths to some of its links.
+    """Convert a URDF or MJCF file to a scene, with the complete robot or only the paths to some of its links.
 
     All hinges and sliding joints become joints of the scene, each after its parent, path by path in the file's
     order, with its own name (`Joint.name`). If a link has several children, they name it with `on`. Links connected by
     fixed joints are merged; mass, centre and inertia are preserved. If `tip` is given, only joints on the paths to the
     tips move. Everything attached to these paths, such as grippers, is rigid in the given configuration. Mimicking
-    joints are rigid as well, but on a fixed base each adds the inertia and friction of its body to its leader.
+    joints are rigid as well, but on a fixed base each adds the inertia and friction of its body to its leader. What an
+    MJCF file holds together is held by ties.
 
     Parameters
     ----------
     path
-        The URDF file, without its meshes, or the result of `read_robot`.
+        The URDF file, without its meshes, the MJCF file, which MuJoCo reads, or the result of `read_robot`.
     base
         Link where the paths begin; by default the root. Frame 0 is the root's frame.
     tip
@@ -114,7 +115,7 @@ def import_urdf(
     flexible
         Flexible links on the path, by name; children of such a link are attached to the end of its beam.
     armature
-        Rotor inertias by joint, reflected to the joint [kg m²; kg if sliding], which URDF cannot express.
+        Rotor inertias by joint, reflected to the joint [kg m²; kg if sliding]; default: those of MJCF.
     gravity
         Gravitational acceleration [m/s²] in the root's frame, whose Z points up.
 
@@ -130,7 +131,7 @@ def import_urdf(
         mimics another, a position is beyond limits, a joint is in both `posture` and `locked`, or a beam does not fit
         into its link.
     DataFileError
-        The file is not a valid URDF, a floating base lacks mass or inertia, or no joint on the way to a named tip moves
+        The file is not valid, a floating base lacks mass or inertia, or no joint on the way to a named tip moves
         any inertia.
     SceneError
         A value of `flexible` or `armature` is invalid, or M is indefinite due to an inertia that no real body has.
@@ -153,12 +154,13 @@ def import_urdf(
             given = type(table).__name__
             raise ArgumentError(f"{key} = {truncated(table)}: expected a dict {{{form}}}, got {given}", id="wrong-type")
     robot = path if isinstance(path, Robot) else read_robot(path)
-    driven = {joint for joint, inertia in armature.items() if finite(inertia)}
+    driven = {name for name, joint in robot.joints.items() if finite(armature.get(name, joint.armature))}
     way, lifeless = living_paths(robot, base, tip, posture, locked, free_base=free_base, rotors=driven)
     _check_links(way, flexible)
+    armature = {part.joint.name: part.joint.armature for part in way.parts if part.joint.armature} | dict(armature)
     _check_joints(way, armature)
     way, rotors, following = with_followers(robot, way, locked, armature, gravity)
-    scene, parts = assembled(robot.name, way, flexible, rotors, gravity)
+    scene, parts = assembled(robot, way, flexible, rotors, gravity)
     odd = [*of_odd_bodies(scene.arm)]
     if odd:
         lump(scene)  # refuses them if M is not positive
@@ -170,22 +172,25 @@ def import_urdf(
     stated = {*posture, *locked}
     remarks = [one.remark for one in parts if one.remark is not None]
     carried = [note for note in following if note.id == "mimic-carried"]
-    notes = [*_notes(robot, way, stated, lifeless), *carried, *remarks, *([] if flexible else _beams(way, largest))]
+    loops = [*ties_of(robot, way, [one.link.name for one in parts], locked, afloat=free_base)]
+    notes = [*_notes(robot, way, stated, lifeless), *(note for _, note in loops), *carried, *remarks]
+    notes += [] if flexible else _beams(way, largest)
     bare = [part for part in way.parts if part.link in flexible and not robot.links[part.link].mass]
     lent = [f"{part.link}: has no <inertial>; its mass is that of {short_list(part.folded)}: check it" for part in bare]
     doubts = [*robot.doubts, *(Diagnostic(text, "no-mass") for text in lent), *(p.warning for p in parts if p.warning)]
     warnings = [*doubts, *odd, *(note for note in following if note not in carried), *_offers(robot, way, armature)]
-    return ImportResult(_with_ties(scene, way, parts), way, largest, tuple(notes), tuple(warnings))
+    ties = [*_followers(way, parts), *(tie for tie, _ in loops if tie is not None)]
+    scene = scene.varied({"tie": ties}) if ties else scene
+    return ImportResult(scene, way, largest, tuple(notes), tuple(warnings))
 
 
-def _with_ties(scene: Scene, way: Paths, parts: Sequence[ImportedLink]) -> Scene:
-    """The scene with a tie on each joint that follows another."""
+def _followers(way: Paths, parts: Sequence[ImportedLink]) -> list[dict[str, Any]]:
+    """A tie for each joint that follows another."""
     links = {part.joint.name: one.link.name for part, one in zip(way.parts, parts, strict=True)}
-    ties = [
-        Tie(name=name, kind="joint", link=links[name], to=TieEnd(link=links[rule.leader]), ratio=rule.multiplier)
-        for name, rule in way.followers.items()
+    return [
+        {"name": name, "kind": "joint", "link": links[name], "to": {"link": links[by.leader]}, "ratio": by.multiplier}
+        for name, by in way.followers.items()
     ]
-    return scene.varied({"tie": ties}) if ties else scene
 
 
 def _check_links(way: Paths, flexible: Mapping[str, FlexibleLink]) -> None:

@@ -6,7 +6,7 @@ import dataclasses
 import functools
 import math
 from collections.abc import Collection, Mapping, Sequence
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -43,6 +43,7 @@ class TreeJoint:
     damping: float  # [N m s/rad, N s/m]
     friction: float  # [N m, N]
     mimic: Mimic | None
+    armature: float = 0.0  # [kg m², kg]
 
     @property
     def turns(self) -> bool:
@@ -69,6 +70,16 @@ def _turn(axis: Array, angle: float) -> Array:
     return R
 
 
+class Closure(NamedTuple):
+    """What holds links together outside the tree: frames of two links, or the joints of two links in a ratio."""
+
+    name: str
+    kind: str  # of the tie
+    ends: tuple[tuple[str, Pose], tuple[str, Pose]]
+    ratio: float = 1.0
+    lacks: str = ""  # why it is no tie
+
+
 @dataclasses.dataclass(frozen=True, repr=False)
 class Robot:
     """Links and joints by name, which form a tree; joints are in the file's order.
@@ -82,6 +93,8 @@ class Robot:
     joints: Mapping[str, TreeJoint]
     left_out: Mapping[str, Sequence[tuple[str, str]]]
     doubts: tuple[Diagnostic, ...] = ()  # angles that are likely in degrees
+    closures: Sequence[Closure] = ()  # of loops
+    source: str = "URDF"
 
     def __repr__(self) -> str:
         return f"<Robot {self.name!r}: {plural(len(self.links), 'link')}, {plural(len(self.joints), 'joint')}>"
@@ -106,7 +119,7 @@ class Robot:
             other = parents.setdefault(joint.child, joint)
             if other is not joint:
                 both = f"{truncated(other.name)} and {truncated(joint.name)}"
-                why = "closed loops in files of robots are not supported: take one of the two joints out"
+                why = "closed loops in URDF files are not supported: take one of the two joints out"
                 child = f"link {truncated(joint.child)} is the child of two joints, {both}"
                 raise DataFileError(f"{child}; {why}", id="closed-loop")
         return parents
@@ -173,7 +186,7 @@ def _check_roots(robot: Robot) -> None:
     circle = [link for link in robot.links if link not in reached]
     if circle:
         they_form = f"link {circle[0]} forms" if len(circle) == 1 else f"links {short_list(circle)} form"
-        why = f"{they_form} a loop; closed loops in files of robots are not supported: take a joint out"
+        why = f"{they_form} a loop; closed loops in URDF files are not supported: take a joint out"
         raise DataFileError(why, id="closed-loop")
 
 

@@ -26,6 +26,7 @@ from flexlink.data.documents import read_regular, read_toml, require_path, shown
 from flexlink.describe.directions import unit
 from flexlink.describe.spec import decode
 from flexlink.robots.kinematic_tree import JointKind, Mimic, Robot, TreeJoint
+from flexlink.robots.mjcf_file import read_mjcf
 
 LARGEST = 1e9  # SI; larger than any value of a robot, and small enough that derived values fit into float64
 
@@ -37,32 +38,34 @@ def words() -> dict[str, str]:
 
 
 def read_robot(path: str | Path) -> Robot:
-    """Read a robot, in SI units and radians, from a URDF file; a xacro file must be expanded first.
+    """Read a robot, in SI units and radians, from a URDF or MJCF file; a xacro file must be expanded first.
 
     Errors name the file, the link or joint, the value and what is allowed.
     """
     path = require_path("path", path)
     if path.suffix.lower() in {".stl", ".obj", ".dae", ".step", ".stp", ".iges"}:
-        raise DataFileError(f"{shown_path(path)}: a mesh or CAD file; import reads URDF", id="not-xml")
+        raise DataFileError(f"{shown_path(path)}: a mesh or CAD file; import reads URDF and MJCF", id="not-xml")
     data = read_regular(path, largest=safe_xml.LARGEST, error=DataFileError)
     root = safe_xml.parse(data, shown_path(path), namespaces=False)
     try:
-        return _robot(root)
+        return _robot(root, path)
     except DataFileError as error:
         hint = "; this is a xacro file: expand it first, xacro FILE > robot.urdf"
         hint *= error.id == "xacro" or "${" in str(error)
         raise DataFileError(f"{shown_path(path)}: {error}{hint}") from None
 
 
-def _robot(root: ET.Element) -> Robot:
-    if root.tag != "robot":
-        other = {"mujoco": "MJCF", "sdf": "SDF"}.get(root.tag)
+def _robot(root: ET.Element, path: Path) -> Robot:
+    if root.tag not in {"robot", "mujoco"}:
         what = "the root element of a URDF file is <robot>"
-        remedy = f"this is {other}, which `flexlink compare SCENE --file` reads; import needs URDF" if other else what
-        raise DataFileError(f"<{truncated(root.tag)[1:-1]}>: {remedy}", id="unknown-root-element")
-    if root.find(".//flexlink") is not None:
+        sdf = "this is SDF, which `flexlink compare SCENE --file` reads; import needs URDF or MJCF"
+        why = f"<{truncated(root.tag)[1:-1]}>: {sdf if root.tag == 'sdf' else what}"
+        raise DataFileError(why, id="unknown-root-element")
+    if root.find(".//flexlink") is not None or root.find("custom/text[@name='flexlink.links']") is not None:
         why = "<flexlink>: this file was exported by flexlink; load its scene instead"
         raise DataFileError(why, id="exported-by-flexlink")
+    if root.tag == "mujoco":
+        return read_mjcf(path)
     longest, most_links = 10_000, 5_000  # most characters of an attribute; most links (a humanoid has 130)
     spaces = [key for key, space in root.attrib.items() if key.startswith("xmlns:") and "xacro" in space]
     macros = ("xacro:", *(f"{space.removeprefix('xmlns:')}:" for space in spaces))
