@@ -228,7 +228,7 @@ def pull(i, t, q, qd, R, work):
         if ties.law[k] == LAW.held:
             power -= λ * ties.moved[1, k]
             # its rounding errors over h² would be accelerations
-            ties.gap[i, k] = 0.0 if abs(g) <= CLOSED * ties.size[0] else g
+            ties.gap[i, k] = 0.0 if abs(g) <= 0.1 * CLOSED * ties.size[0] else g
         else:
             find_row(work.chain, row, l, q, placed, ties.J[k])
             v = rate(k, qd, ties)
