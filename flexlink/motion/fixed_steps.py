@@ -66,8 +66,7 @@ class FixedSteps:
         while done < last:
             stop = min(done + pace.start(), last)
             done = self.record.advance(self._steps, self._fixed, done, stop, self._rest)
-            due = pace.end()
-            if due or done < stop or stop == last:
+            if pace.end() or done < stop or stop == last:
                 yield self._reached(done, last)
             if done < stop:
                 return
@@ -85,8 +84,7 @@ class FixedSteps:
         first, last = round(start / h) - origin, round(end / h) - origin
         fixed, rest = (self.scratch, self.tableau, inputs, h, origin), (NEVER, self.state, self.no_samples)
         if inputs is not self._inputs:
-            far = self.record.far
-            self._inputs, self._go = inputs, direct(integrate, *fixed, first, last, far, *rest)
+            self._inputs, self._go = inputs, direct(integrate, *fixed, first, last, self.record.far, *rest)
         self._done = self.record.advance(self._go, fixed, first, last, rest)
         return None if self._done == last else self._not_finite()
 

@@ -182,8 +182,7 @@ class Monitor:
         begins = [(min(max(first, row), stop), name) for row, name, _ in methods or ((0, self.run.method, ""),)]
         for (begin, name), (end, _) in itertools.pairwise([*begins, (stop, "")]):
             if wrong == WRONG.nothing and self.n_valid == begin < end:
-                samples, allowed = self.record.samples, self._allowance(name)
-                self.n_valid, wrong = self._balance.look(begin, end, samples, allowed)
+                self.n_valid, wrong = self._balance.look(begin, end, self.record.samples, self._allowance(name))
         if seen[SEEN.garbage] >= 0 or seen[SEEN.bent] or seen[SEEN.beyond]:
             for row, key, text in sorted(self._findings(slice(first, self.n_valid)), key=lambda found: found[0]):
                 if key != "bend" or not self._diverges:

@@ -275,8 +275,7 @@ class Simulator:
         if type(duration) is not float or duration not in self._lengths:
             duration = positive("duration", duration)
             unit = run.label("step", "run."), run.fixed_step
-            whole_steps = 0 if run.controlled else whole("duration", duration, *unit, ArgumentError)
-            self._lengths[duration] = whole_steps
+            self._lengths[duration] = 0 if run.controlled else whole("duration", duration, *unit, ArgumentError)
         if not run.controlled:
             return (round(now / run.fixed_step) + self._lengths[duration]) * run.fixed_step
         end = (parts(now, duration) + 1) * duration
