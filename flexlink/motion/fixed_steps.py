@@ -27,7 +27,7 @@ Lanes = tuple[Any, Inputs, Arrays, Arrays]
 class FixedSteps:
     """Stepper of a run, or of eight runs side by side in `lanes`; if it ends early, `failure` gives the reason."""
 
-    slow, deflection, so_far = (0, ""), 0.0, (0.0, 0.0, 0.0)  # constant: only adaptive and implicit steps change these
+    slow, so_far = (0, ""), (0.0, 0.0, 0.0)  # constant: only adaptive and implicit steps change these
 
     def __init__(self, record: Record, control: Control | None = None, lanes: Lanes | None = None) -> None:
         self.no_samples = *np.empty((2, 0, record.chain.n)), np.empty(0)

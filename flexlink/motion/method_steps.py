@@ -366,17 +366,7 @@ class MethodSteps:
         return int(count[COUNT.steps] + count[COUNT.rejected] + count[COUNT.failed])
 
     @property
-    def deflection(self) -> float:
-        """Largest deflection so far [m]."""
-        return float(self.work.stepper[STEPPER.deflection])
-
-    @property
     def so_far(self) -> tuple[float, float, float]:
         """Largest deflection [m], angle travelled by all free joints [rad], sum of errors of rates that last [m/s]."""
         value = self.work.stepper.item
         return value(STEPPER.deflection), value(STEPPER.angle_travelled), value(STEPPER.drifting)
-
-    @property
-    def fastest(self) -> float:
-        """Fastest frequency or decay rate in this configuration [rad/s]."""
-        return max(fastest_motion(self.record, self.state[0]))

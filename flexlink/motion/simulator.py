@@ -249,7 +249,7 @@ class Simulator:
             fault = steps.go(inputs, self._time, end) or ended_early(steps.time, end)
             if not fault and (calls % OFTEN == 0 or calls & (calls - 1) == 0):
                 q, qd, *_, done = steps.state
-                fault = self._monitor.unbalanced(q, qd, done[:1], steps.steps, steps.deflection)
+                fault = self._monitor.unbalanced(q, qd, done[:1], steps.steps, steps.so_far[0])
         except BaseException:  # including Ctrl-C
             self._restore(*before)
             raise

@@ -163,7 +163,7 @@ class SingleRun:
 
     def advance(self, stop: Stop, report: Report = None, warn: Warn = None) -> None:
         """Advance until the run ends, a check fails, or it is stopped."""
-        monitor, steps = self.monitor, self.steps
+        monitor, steps, t = self.monitor, self.steps, self.monitor.record.t
         try:
             for rows, part in steps:
                 if not self._sound(rows, part, warn):
@@ -172,7 +172,7 @@ class SingleRun:
                     report(part)
                 if stop.requested:
                     return
-            steps.failure = ended_early(monitor.last_time, float(monitor.record.t[-1]))
+            steps.failure = ended_early(float(t[max(0, monitor.n_valid - 1)]), float(t[-1]))
         except LawFailure as failure:
             raise ControlError(f"{monitor.record.chain.name}: {failure}", monitor.trajectory()) from failure.__cause__
         except KeyboardInterrupt:  # from a signal handler of the caller, or from `report`

@@ -77,8 +77,7 @@ def limited(drive: Drive, effort: Array | None = None) -> Drive:
 def held_torques(chain: Chain, times: Array, torques: Array, effort: Array | None = None) -> Drive:
     """A drive that applies torques (m, d) to the driven joints, holding each row until the next time."""
     table = PiecewisePolynomial(held_knots(times), np.ascontiguousarray(torques[:, None]))
-    drive = drive_of(chain.active.copy(), feedforward=table)
-    return drive if effort is None else limited(drive, effort)
+    return limited(drive_of(chain.active.copy(), feedforward=table), effort)
 
 
 def effort_of(scene: Scene, chain: Chain) -> Array:

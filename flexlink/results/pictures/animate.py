@@ -110,7 +110,6 @@ def _drawing() -> ModuleType:
 
 
 def _write(film: Film, format: str, place: Path, width: int, report: Progress) -> None:
-    """Write a film in a format, and report the progress."""
     if format == ".html":
         place.write_bytes(page(film, width).encode())
         report(1.0)
