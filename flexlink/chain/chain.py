@@ -146,8 +146,7 @@ class Chain(Layout):
     @functools.cached_property
     def arrays(self) -> ChainArrays:
         """View of this chain for kernels."""
-        forces = self.forces or self.springs_join_hinges
-        rare = self._rare if forces or not self.is_serial_revolute else None
+        rare = self._rare if self.forces or self.springs_join_hinges or not self.is_serial_revolute else None
         return ChainArrays(self.bodies, self.hinges, self.gravity, rare)
 
     @property
@@ -261,8 +260,7 @@ class Chain(Layout):
         """Upper bound of the distance of any mass from the origin of frame 0 [m]."""
         if self.is_serial_revolute:
             return float(_lengths(self.bodies["translation"]).sum() + _lengths(self.bodies["center"]).max())
-        away = sums_outward(spans_of(self.bodies), self.lengths)
-        return float((away + _lengths(self.bodies["center"])).max())
+        return float((sums_outward(spans_of(self.bodies), self.lengths) + _lengths(self.bodies["center"])).max())
 
     @functools.cached_property
     def size(self) -> float:

@@ -115,11 +115,13 @@ def _numbers(frame: Frame, arms: Sequence[Arm]) -> tuple[Records, Records, Recor
     """Bodies, hinges and couplings of arms that share a frame, (b, …) each."""
     bare = frame.bare.bodies, frame.bare.hinges, frame.bare.couplings
     bodies, hinges, couplings = (np.repeat(rows[None], len(arms), axis=0) for rows in bare)
+    # index of the body that carries the payload, as a slice; empty if the payload is fixed to the base
+    carrier = slice(max(0, frame.builder.on - 1), frame.builder.on)
     with np.errstate(all="ignore"):  # `_finished` refuses such values by name
         for springs in frame.springs:
             springs.write(arms, hinges, couplings)
         for own, arm in zip(bodies, arms, strict=True):
-            record_inertia(own[frame.carrier], [frame.builder.carrying(arm.tip)])
+            record_inertia(own[carrier], [frame.builder.carrying(arm.tip)])
     return bodies, hinges, couplings
 
 
@@ -193,12 +195,6 @@ class Frame:
     builder: Builder
     springs: tuple[Springs, ...]
     chain: Chain  # the latest chain built from the frame; its cached layout data are reused
-
-    @property
-    def carrier(self) -> slice:
-        """Index of the body that carries the payload, as a slice; empty if the payload is fixed to the base."""
-        number = self.builder.on
-        return slice(max(0, number - 1), number)
 
 
 def frame_of(scene: Scene) -> Frame:

@@ -26,15 +26,6 @@ class Memo:
         self._size, self._lock = size, Lock()
         self._results = OrderedDict[tuple[int, Hashable], tuple[object, Any]]()
 
-    def kept(self, of: object, key: Hashable) -> Any:
-        """The result kept for `of` and `key`, or None."""
-        slot = id(of), key
-        with self._lock:
-            if slot not in self._results:
-                return None
-            self._results.move_to_end(slot)
-            return self._results[slot][1]
-
     def __call__(self, of: object, key: Hashable, find: Callable[[], T]) -> T:
         """Return the result kept for `of` and `key`; if there is none, call `find` and keep its result."""
         slot = id(of), key

@@ -91,8 +91,7 @@ def _only_axis_moved(ours: ReadBack, theirs: ReadBack, k: int, tolerance: float,
     moved = np.linalg.norm(theirs.centers - ours.centers, axis=1) > tolerance * reach(ours)
     moved |= np.linalg.norm(one @ other - other @ one, axis=(1, 2)) > tolerance * square
     here = ~moved[joints[ours.masses[joints] > 0]]
-    next_ones = np.flatnonzero(ours.parents == k)
-    following = not np.isin(next_ones, displaced_joints(ours, theirs, tolerance)).any()
+    following = not np.isin(np.flatnonzero(ours.parents == k), displaced_joints(ours, theirs, tolerance)).any()
     return bool(len(here) and ((here[0] and following) or (here.all() and not rigid_behind)))
 
 

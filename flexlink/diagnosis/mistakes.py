@@ -68,8 +68,7 @@ def _where(names: Sequence[str], rows: Indices) -> str:
     """Text that names the joints for the entries of a field; pairs of joints for fields between two joints."""
     if rows.ndim == 1:
         return _names([names[k] for k in rows])
-    pairs = [f"{names[i]!r} and {names[j]!r}" for i, j in rows[:3]]
-    shown = f"{'; '.join(pairs)}{' …' * (len(rows) > 3)}"
+    shown = "; ".join(f"{names[i]!r} and {names[j]!r}" for i, j in rows[:3]) + " …" * (len(rows) > 3)
     return f"joints {shown}" if len(rows) == 1 else f"{len(rows)} pairs of joints ({shown})"
 
 

@@ -67,12 +67,11 @@ class Tip(NamedTuple):
 
 def tips(chain: Chain) -> list[Tip]:
     """Return the tip frames in the order of the bodies; the arm's tip is last."""
-    parents, found = _parent_hinges(chain), []
-    for name, (link, number) in zip(xml_link_names(chain)[chain.n + 1 :], chain.tips.items(), strict=True):
-        body = chain.bodies[number]
-        place = body["translation"], body["rotation"]
-        found.append(Tip(name, chain.link_names.index(link) + 1, parents[number], *place))
-    return found
+    bodies, parents, names = chain.bodies, _parent_hinges(chain), xml_link_names(chain)[chain.n + 1 :]
+    return [
+        Tip(name, chain.link_names.index(link) + 1, parents[k], bodies["translation"][k], bodies["rotation"][k])
+        for name, (link, k) in zip(names, chain.tips.items(), strict=True)
+    ]
 
 
 def loaded_tip(chain: Chain) -> Tip:
@@ -186,8 +185,7 @@ def moved_links(chain: Chain, joints: Sequence[str]) -> list[str]:
 
 def other_ends(chain: Chain, moved: Sequence[str]) -> list[str]:
     """Return names of all tips but the arm's: their links' names, with "_tip" where a moved frame has this name."""
-    names = [valid(name) for name in chain.tips][:-1]
-    return [f"{name}_tip" if name in moved else name for name in names]
+    return [f"{name}_tip" if name in moved else name for name in map(valid, [*chain.tips][:-1])]
 
 
 def decimals(values: Iterable[float]) -> str:

@@ -83,7 +83,6 @@ def _bodies(root: ET.Element, bare: Chain) -> dict[int, ET.Element | None]:
 
 
 def _on_joint(root: ET.Element, tie: Tie, row: np.void, joints: Sequence[str]) -> None:
-    """Add a tie on a joint."""
     if tie.stiffness is None:
         others = {} if row["b"] < 0 else {"joint2": joints[row["b"]]}
         coefficients = decimals([0, row["ratio"], 0, 0, 0])

@@ -17,7 +17,7 @@ from flexlink.kernels.stepping.adaptive import OUTCOME
 from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, STEPPER
 from flexlink.motion.budget import FEWEST, Budget, ChunkSize, Reached, Spent, warn
 from flexlink.motion.hindrance import loop_is_unstable, slow_progress, stuck
-from flexlink.motion.method_choice import guessed_costs, price_of_a_step, tumbles
+from flexlink.motion.method_choice import fastest_motion, guessed_costs, price_of_a_step, tumbles
 from flexlink.motion.method_steps import NEVER, MethodSteps
 from flexlink.motion.tolerable import Thresholds
 from flexlink.results.record import Record
@@ -117,7 +117,7 @@ class AdaptiveSteps(MethodSteps):
         if most > 0 and self.tries >= self.consider_at:
             consider(self)
         most = min(most, self.consider_at - self.tries)
-        last = 0 if self.run.controlled else int(self.count[COUNT.steps]) + most
+        q, last = self.state[0], 0 if self.run.controlled else int(self.count[COUNT.steps]) + most
         how = self.take(most)
         while how == OUTCOME.turned or (how == OUTCOME.stuck and not self.run.controlled):
             least = int(how == OUTCOME.turned)
@@ -127,13 +127,13 @@ class AdaptiveSteps(MethodSteps):
                 break
             if self.count[COUNT.knot] == len(self.knots[0]):
                 how = OUTCOME.ended
-            elif self.record.is_far(self.state[0]):  # change coordinates, as after an undivided step
+            elif self.record.is_far(q):  # change coordinates, as after an undivided step
                 how = OUTCOME.turned
             else:
                 how = self.take(max(least, last - int(self.count[COUNT.steps])))
-        if how == OUTCOME.ended and self.record.is_far(self.state[0]):
+        if how == OUTCOME.ended and self.record.is_far(q):
             self.turn()
-        if how == OUTCOME.stuck and self.run.method == AUTO and np.isfinite(self.fastest):
+        if how == OUTCOME.stuck and self.run.method == AUTO and np.isfinite(max(fastest_motion(self.record, q))):
             self.rates = {**self.rates, self.name: np.inf}
             able = ("Radau5", "DOP853") if not self.record.tied else ("Radau5",)
             others = [name for name in able if self.rates.get(name, 0.0) < np.inf]
@@ -145,8 +145,7 @@ class AdaptiveSteps(MethodSteps):
             h = self.work.stepper[STEPPER.step] if self.run.controlled else self.run.fixed_step / 64
             unsolved = self.work.stepper[STEPPER.refusal] == REFUSAL.iteration
             worst = int(self.work.stepper[STEPPER.worst_joint]) if unsolved else None
-            explicit = self.method.explicit
-            self.failure = stuck(self.record, self.state[0], self.time, h, unsolved=worst, explicit=explicit)
+            self.failure = stuck(self.record, q, self.time, h, unsolved=worst, explicit=self.method.explicit)
         return how
 
     def _affordable(self, most: int) -> int:

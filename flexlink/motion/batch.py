@@ -92,8 +92,7 @@ def outcomes(scenes: Sequence[Scene], stop: Stop, *, compared: int | None = None
     Each outcome is bit-identical whatever the other scenes are. Only the first `compared` scenes (None: all) are
     compared with verification runs, if their steps require such a run.
     """
-    ends = ends_of(scenes, stop, compared=compared)
-    return [end.trajectory() if isinstance(end, Run) else end for end in ends]
+    return [end.trajectory() if isinstance(end, Run) else end for end in ends_of(scenes, stop, compared=compared)]
 
 
 def ends_of(scenes: Sequence[Scene], stop: Stop, *, compared: int | None = None) -> Iterator[Run | Outcome]:
@@ -119,8 +118,7 @@ def prepared(scenes: Sequence[Scene], compared: int | None = None) -> list[Membe
     """Build the problem of every scene and check its step; return members or errors; `compared` as in `outcomes`."""
     most = len(scenes) if compared is None else compared
     problems = _problems_of(scenes)
-    good = [problem for problem in problems if isinstance(problem, InitialValueProblem)]
-    checked = iter(check_steps(good))
+    checked = iter(check_steps([problem for problem in problems if isinstance(problem, InitialValueProblem)]))
     members: list[Member | FlexlinkError] = []
     for number, problem in enumerate(problems):
         if isinstance(problem, FlexlinkError):

@@ -56,9 +56,8 @@ class Budget:
         used, pause = now.evaluations - self._start.evaluations, self._apart(dearest)
         if used + dearest > self.most:
             part = (now.time - self._start.time) / (self._end - self._start.time)
-            self.over = (
-                f"after {used:,} evaluations (max_evaluations = {self.most:g}) only {part:.2%} of the duration is done"
-            )
+            spent = f"{used:,} evaluations (max_evaluations = {self.most:g})"
+            self.over = f"after {spent} only {part:.2%} of the duration is done"
         elif now.evaluations - self._last.evaluations + dearest > pause:
             self._check_progress(now)
         if self.over:

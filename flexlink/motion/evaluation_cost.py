@@ -169,8 +169,7 @@ def step_cost(chain: Chain, name: str) -> float:
 
 def machine_factor(problem: InitialValueProblem) -> float:
     """Measured cost of an evaluation on this machine, relative to the listed cost; measuring takes about 5 ms."""
-    drive = problem.inputs.drive
-    return evaluation_time(problem) / operation_costs(problem.chain, explicit=True, drive=drive)[0]
+    return evaluation_time(problem) / operation_costs(problem.chain, explicit=True, drive=problem.inputs.drive)[0]
 
 
 def evaluation_time(problem: InitialValueProblem) -> float:

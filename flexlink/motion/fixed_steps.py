@@ -27,7 +27,7 @@ Lanes = tuple[Any, Inputs, Arrays, Arrays]
 class FixedSteps:
     """Stepper of a run, or of eight runs side by side in `lanes`; if it ends early, `failure` gives the reason."""
 
-    slow, deflection, so_far = (0, ""), 0.0, (0.0, 0.0, 0.0)  # constant: only adaptive and implicit steps change these
+    slow, so_far = (0, ""), (0.0, 0.0, 0.0)  # constant: only adaptive and implicit steps change these
 
     def __init__(self, record: Record, control: Control | None = None, lanes: Lanes | None = None) -> None:
         self.no_samples = *np.empty((2, 0, record.chain.n)), np.empty(0)
@@ -66,8 +66,7 @@ class FixedSteps:
         while done < last:
             stop = min(done + pace.start(), last)
             done = self.record.advance(self._steps, self._fixed, done, stop, self._rest)
-            due = pace.end()
-            if due or done < stop or stop == last:
+            if pace.end() or done < stop or stop == last:
                 yield self._reached(done, last)
             if done < stop:
                 return
@@ -85,8 +84,7 @@ class FixedSteps:
         first, last = round(start / h) - origin, round(end / h) - origin
         fixed, rest = (self.scratch, self.tableau, inputs, h, origin), (NEVER, self.state, self.no_samples)
         if inputs is not self._inputs:
-            far = self.record.far
-            self._inputs, self._go = inputs, direct(integrate, *fixed, first, last, far, *rest)
+            self._inputs, self._go = inputs, direct(integrate, *fixed, first, last, self.record.far, *rest)
         self._done = self.record.advance(self._go, fixed, first, last, rest)
         return None if self._done == last else self._not_finite()
 

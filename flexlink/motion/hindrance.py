@@ -93,8 +93,7 @@ def unstable_loop(record: Record) -> tuple[str, str]:
         return "control loop unstable", "use lower gains"
     from flexlink.motion.loop.instability import instability  # noqa: PLC0415  explains what has failed
 
-    about = record.q[0].tobytes(), float(record.t[0])
-    return record.kept("unstable loop", about, lambda: instability(loop))
+    return record.kept("unstable loop", (record.q[0].tobytes(), float(record.t[0])), lambda: instability(loop))
 
 
 def held_torques_advice(between: float) -> str:
@@ -156,14 +155,13 @@ def _loop(record: Record) -> Loop | None:
     """The sampled loop about the start; None if the drive is not sampled, or the loop cannot be linearized there."""
     if not record.inputs.drive.rate or record.tied:
         return None
-    about = record.q[0].tobytes(), float(record.t[0])
-    return record.kept("loop", about, lambda: _linearized(record))
 
+    def linearized() -> Loop | None:
+        from flexlink.motion.loop.loop import loop_of  # noqa: PLC0415  only sampled drives have a loop
 
-def _linearized(record: Record) -> Loop | None:
-    from flexlink.motion.loop.loop import loop_of  # noqa: PLC0415  only sampled drives have a loop
+        try:
+            return loop_of(record.problem, (record.q[0].copy(), float(record.t[0])))
+        except FlexlinkError:
+            return None
 
-    try:
-        return loop_of(record.problem, (record.q[0].copy(), float(record.t[0])))
-    except FlexlinkError:
-        return None
+    return record.kept("loop", (record.q[0].tobytes(), float(record.t[0])), linearized)

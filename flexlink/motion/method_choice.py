@@ -55,8 +55,7 @@ def guessed_costs(record: Record, tolerance: float) -> dict[str, float]:
     tolerance of 1e-2 times the size, 19 with 1e-3, 30 with 1e-4 and 76 with 1e-6, within a factor of 1.7 for half of
     the scenes. Radau9 needs fewer steps, except where dry friction makes the motion nonsmooth.
     """
-    about = record.q[0].tobytes(), tolerance
-    return record.kept("guesses", about, lambda: _guessed_costs(record, tolerance))
+    return record.kept("guesses", (record.q[0].tobytes(), tolerance), lambda: _guessed_costs(record, tolerance))
 
 
 def _guessed_costs(record: Record, tolerance: float) -> dict[str, float]:
@@ -117,13 +116,13 @@ def tumbles(record: Record) -> bool:
     """
     if record.base is None:
         return False
-    return record.kept("tumbles", record.q[0].tobytes(), lambda: _nothing_holds(record))
-
-
-def _nothing_holds(record: Record) -> bool:
     slow = 500.0  # a damper is slow if its decay rate times the duration of the run is at most this
-    frequency, decay = fastest_motion(record, record.q[0])
-    return frequency == 0.0 and decay * record.run.duration <= slow
+
+    def nothing_holds() -> bool:
+        frequency, decay = fastest_motion(record, record.q[0])
+        return frequency == 0.0 and decay * record.run.duration <= slow
+
+    return record.kept("tumbles", record.q[0].tobytes(), nothing_holds)
 
 
 def fastest_motion(record: Record, q: Array) -> tuple[float, float]:

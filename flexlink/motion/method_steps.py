@@ -242,8 +242,8 @@ class MethodSteps:
 
     def go_on_with(self, name: str, why: str = "") -> None:
         """Continue with another method to the end of the piece; by default the reason is the switch and its time."""
-        before, time, end, self.evaluations_besides = self.work.stepper.copy(), self.time, self.end, self.evaluations
-        self.count[COUNT.iterations] = 0
+        before, time, end = self.work.stepper.copy(), self.time, self.end
+        self.count[COUNT.besides], self.count[COUNT.iterations] = self.evaluations, 0
         self._take((name, why or f"{self.why}; {self.name} until t = {time:.3g} s"), time)
         self._put_gains()  # gains of the present inputs, which in a simulator may differ from the record's
         self.aim(time, end)
@@ -331,16 +331,8 @@ class MethodSteps:
     @property
     def evaluations(self) -> int:
         """Number of evaluations so far."""
-        return self.evaluations_besides + int(self.count[COUNT.iterations]) * self.method.stages
-
-    @property
-    def evaluations_besides(self) -> int:
-        """Number of evaluations by other methods, in trials, and for dense output."""
-        return int(self.count[COUNT.besides])
-
-    @evaluations_besides.setter
-    def evaluations_besides(self, number: int) -> None:
-        self.count[COUNT.besides] = number
+        besides = int(self.count[COUNT.besides])  # by other methods, in trials, and for dense output
+        return besides + int(self.count[COUNT.iterations]) * self.method.stages
 
     @property
     def work_done(self) -> list[float]:
@@ -374,17 +366,7 @@ class MethodSteps:
         return int(count[COUNT.steps] + count[COUNT.rejected] + count[COUNT.failed])
 
     @property
-    def deflection(self) -> float:
-        """Largest deflection so far [m]."""
-        return float(self.work.stepper[STEPPER.deflection])
-
-    @property
     def so_far(self) -> tuple[float, float, float]:
         """Largest deflection [m], angle travelled by all free joints [rad], sum of errors of rates that last [m/s]."""
         value = self.work.stepper.item
         return value(STEPPER.deflection), value(STEPPER.angle_travelled), value(STEPPER.drifting)
-
-    @property
-    def fastest(self) -> float:
-        """Fastest frequency or decay rate in this configuration [rad/s]."""
-        return max(fastest_motion(self.record, self.state[0]))

@@ -115,8 +115,7 @@ class Monitor:
             text = f"{bent}, too far for matched twist: M is not positive definite; use more segments"
             self.failure = Diagnostic(text, "mass-not-positive-definite")
         if self.n_valid > first and self.explicit:
-            whole = self.n_valid == stop
-            self._step_errors.append(errors if whole and errors is not None else self._probed(first, errors))
+            self._step_errors.append(self._probed(first, errors))
         return not self.failure
 
     def trajectory(self) -> Trajectory:
@@ -127,11 +126,6 @@ class Monitor:
         if stated is None and self.run.controlled:
             stated = stated_of(self)
         return self.record.trajectory(self.n_valid, warnings, self.steps, True, stated, self.scene)
-
-    @property
-    def last_time(self) -> float:
-        """Time of the last valid sample, or of the first one if none has been checked yet [s]."""
-        return float(self.record.t[max(0, self.n_valid - 1)])
 
     @property
     def tolerance(self) -> float:
@@ -182,8 +176,7 @@ class Monitor:
         begins = [(min(max(first, row), stop), name) for row, name, _ in methods or ((0, self.run.method, ""),)]
         for (begin, name), (end, _) in itertools.pairwise([*begins, (stop, "")]):
             if wrong == WRONG.nothing and self.n_valid == begin < end:
-                samples, allowed = self.record.samples, self._allowance(name)
-                self.n_valid, wrong = self._balance.look(begin, end, samples, allowed)
+                self.n_valid, wrong = self._balance.look(begin, end, self.record.samples, self._allowance(name))
         if seen[SEEN.garbage] >= 0 or seen[SEEN.bent] or seen[SEEN.beyond]:
             for row, key, text in sorted(self._findings(slice(first, self.n_valid)), key=lambda found: found[0]):
                 if key != "bend" or not self._diverges:

@@ -217,11 +217,7 @@ def impulses(memory: Array, chain: Chain, tau: Array, qd: Array, period: float) 
 
 
 def control_of(
-    problem: InitialValueProblem,
-    law: Law | None,
-    rate: float | None,
-    delay: float = 0.0,
-    before: Array | None = None,
+    problem: InitialValueProblem, law: Law | None, rate: float | None, delay: float, before: Array | None
 ) -> Control | None:
     """The checked control law of a run, or None.
 

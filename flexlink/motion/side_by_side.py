@@ -50,8 +50,7 @@ class Member(NamedTuple):
 def fits_lanes(problem: InitialValueProblem) -> bool:
     """Whether the compiled loop can run a problem in lanes, with others or alone."""
     solver = solver_for(problem.chain, problem.run.solver)
-    acts = problem.inputs.changing is not None or bool(problem.chain.forces)
-    alone = not problem.explicit or acts
+    alone = not problem.explicit or problem.inputs.changing is not None or bool(problem.chain.forces)
     return solver.lanes_workspace is not None and not alone and problem.base is None and problem.chain.has_levers
 
 

@@ -15,7 +15,7 @@ from flexlink.common.interruption import deferred
 from flexlink.common.memo import Kept, Memo
 from flexlink.common.types import Array
 from flexlink.data.documents import is_user_file
-from flexlink.describe.run_settings import Accuracy, ForwardSolver, Unstable
+from flexlink.describe.run_settings import Accuracy, ForwardSolver, Unstable, check_method
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.kernels.inputs.record import Drive
@@ -141,7 +141,7 @@ def simulate(
         t0, q0, qd0 = _end_of(after, q0, qd0, t0)
     starts = not (q0 is None and qd0 is None and t0 is None)
     problem = Problem(started_from(scene, q0, qd0, t0, **changes)) if starts else problem_with(scene, changes)
-    with problem._run((None, None, None), control, rate, delay, after) as run, deferred() as stop:
+    with problem._run(problem.scene, control, rate, delay, after) as run, deferred() as stop:
         run.advance(stop, progress, warn)
         return run.result(stop)
 
@@ -237,27 +237,19 @@ class Problem:
         0.1
         """
         require_callable("progress", progress)
-        if duration is not None:
-            longer = problem_with(self.scene, {"run.duration": duration})
-            return longer.simulate(
-                q0=q0, qd0=qd0, t0=t0, control=control, rate=rate, delay=delay, after=after, progress=progress
-            )
+        problem = self if duration is None else problem_with(self.scene, {"run.duration": duration})
         if after is not None:
             t0, q0, qd0 = _end_of(after, q0, qd0, t0)
-        with self._run((q0, qd0, t0), control, rate, delay, after) as run, deferred() as stop:
+        scene = started_from(problem.scene, q0, qd0, t0)
+        with problem._run(scene, control, rate, delay, after) as run, deferred() as stop:
             run.advance(stop, progress, warn)
             return run.result(stop)
 
     @contextlib.contextmanager
     def _run(
-        self,
-        start: tuple[ArrayLike | None, ArrayLike | None, float | None],
-        control: Law | None,
-        rate: float | None,
-        delay: float,
-        after: Trajectory | None,
+        self, scene: Scene, control: Law | None, rate: float | None, delay: float, after: Trajectory | None
     ) -> Iterator[SingleRun]:
-        """A run that is ready to start from a state, with what the run before it, `after`, hands on."""
+        """A run of the scene, perhaps from another state, ready to start, with what the run `after` hands on."""
         before = None if after is None or not len(after.delayed) else after.delayed
         try:
             problem, kept = self._idle.pop()
@@ -266,13 +258,15 @@ class Problem:
         try:
             if before is not None:
                 self._check_stored(before, problem.inputs.drive)
-            scene = started_from(self.scene, *start)
             begun = problem if scene is self.scene else started(problem, scene)
             motion = continued(after, scene)
             if control is None and rate is None and not delay:
                 yield prepared_run(begun, kept, before, motion)
             else:
-                yield SingleRun(begun, control, rate, delay, before, motion=motion)
+                from flexlink.motion.sampled_control import control_of  # noqa: PLC0415  few runs have a law in Python
+
+                check_method(begun.run)
+                yield SingleRun(begun, control_of(begun, control, rate, delay, before), before, motion=motion)
         finally:
             few = self.scene.run.samples * self.chain.n < MANY
             self._idle.append((problem, kept if few else Kept()))
@@ -280,11 +274,9 @@ class Problem:
     def _check_stored(self, before: Array, drive: Drive) -> None:
         stored = drive.held.shape[1] if drive.rate else len(self.chain.active)
         if before.shape[1] != 1 + stored:
-            raise ArgumentError(
-                f"after: the drive of that run stores {before.shape[1] - 1} numbers at each instant (torques, then "
-                f"its memory), this one {stored}; start from its state: q0, qd0 and t0",
-                id="wrong-shape",
-            )
+            counts = f"{before.shape[1] - 1} numbers at each instant (torques, then its memory), this one {stored}"
+            text = f"after: the drive of that run stores {counts}; start from its state: q0, qd0 and t0"
+            raise ArgumentError(text, id="wrong-shape")
 
 
 def continued(after: Trajectory | None, scene: Scene) -> StatedError | None:
@@ -323,9 +315,6 @@ def problem_with(scene: Scene, settings: dict[str, object]) -> Problem:
     if not all(isinstance(value, str | int | float) for value in settings.values()):
         return prepared()
     key = tuple((name, type(value), value) for name, value in settings.items())
-    kept: Problem | None = PROBLEMS.kept(scene, key)
-    if kept is not None:
-        return kept
     may_change = names_files(scene) or is_user_file(settings.get("run.method"))
     return prepared() if may_change else PROBLEMS(scene, key, prepared)
 

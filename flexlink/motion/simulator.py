@@ -249,7 +249,7 @@ class Simulator:
             fault = steps.go(inputs, self._time, end) or ended_early(steps.time, end)
             if not fault and (calls % OFTEN == 0 or calls & (calls - 1) == 0):
                 q, qd, *_, done = steps.state
-                fault = self._monitor.unbalanced(q, qd, done[:1], steps.steps, steps.deflection)
+                fault = self._monitor.unbalanced(q, qd, done[:1], steps.steps, steps.so_far[0])
         except BaseException:  # including Ctrl-C
             self._restore(*before)
             raise
@@ -275,8 +275,7 @@ class Simulator:
         if type(duration) is not float or duration not in self._lengths:
             duration = positive("duration", duration)
             unit = run.label("step", "run."), run.fixed_step
-            whole_steps = 0 if run.controlled else whole("duration", duration, *unit, ArgumentError)
-            self._lengths[duration] = whole_steps
+            self._lengths[duration] = 0 if run.controlled else whole("duration", duration, *unit, ArgumentError)
         if not run.controlled:
             return (round(now / run.fixed_step) + self._lengths[duration]) * run.fixed_step
         end = (parts(now, duration) + 1) * duration

@@ -132,12 +132,15 @@ class SimulatorBatch:
         run = self._run
         duration = run.spacing if duration is None else positive("duration", duration)
         stop = self._number + whole("duration", duration, run.label("step", "run."), run.fixed_step, ArgumentError)
-        torques = None if tau is None else self._torques(tau)
+        torques: list[Array | None] = [None] * len(self._blocks)
+        if tau is not None:
+            every = np.clip(_rows("tau", tau, (len(self), len(self.chains[0].active))), -self._effort, self._effort)
+            torques = [every[k : k + LANES] for k in range(0, len(self), LANES)]
         calls = self._calls + 1
         balanced = calls % OFTEN == 0 or calls & (calls - 1) == 0
         before = [block.saved() for block in self._blocks]
         try:
-            wrong = self._each(lambda k, block: block.go(self._of(torques, k), self._number, stop, balanced))
+            wrong = self._each(lambda k, block: block.go(torques[k], self._number, stop, balanced))
         except BaseException:  # including Ctrl-C
             self._restore(before)
             raise
@@ -189,13 +192,6 @@ class SimulatorBatch:
             for block in self._blocks:
                 block.forget()
         return self.state
-
-    def _torques(self, tau: ArrayLike) -> Array:
-        found = _rows("tau", tau, (len(self), len(self.chains[0].active)))
-        return np.clip(found, -self._effort, self._effort)
-
-    def _of(self, torques: Array | None, k: int) -> Array | None:
-        return None if torques is None else torques[LANES * k : LANES * (k + 1)]
 
     def _each(self, call: Callable[[int, _Eight], dict[int, str]]) -> list[dict[int, str]]:
         if self._threads == 1:
@@ -270,8 +266,7 @@ class _Eight:
         steps, found = steps_up_to(self.run, last), {}
         for lane, monitor in enumerate(self.monitors):
             own_q, own_qd, own_work = (np.ascontiguousarray(part[:, lane]) for part in (q, qd, work))
-            fault = monitor.unbalanced(own_q, own_qd, own_work, steps, 0.0)
-            if fault:
+            if fault := monitor.unbalanced(own_q, own_qd, own_work, steps, 0.0):
                 found[lane] = fault.text
         return found
 

@@ -53,7 +53,12 @@ from flexlink.results.trajectory import Trajectory
 if TYPE_CHECKING:
     from flexlink.motion.adaptive_steps import AdaptiveSteps
     from flexlink.motion.fixed_steps import FixedSteps
-    from flexlink.motion.sampled_control import Control, Law
+    from flexlink.motion.sampled_control import Control
+
+Report = Callable[[float], None] | None
+"""Function that is called with the completed fraction of a run."""
+Warn = Callable[[Diagnostic], None] | None
+"""Function that is called with a warning during a run."""
 
 
 class SingleRun:
@@ -63,8 +68,8 @@ class SingleRun:
     ----------
     problem
         Problem to integrate.
-    law, rate, delay
-        Control law that replaces the scene's drive, its sampling rate [Hz], and the delay of its torques [s].
+    control
+        Control law in Python that replaces the scene's drive; None: the drive acts.
     before
         Torques on their way when an earlier run ended, as in `Trajectory.delayed`; None: none.
     rows
@@ -91,9 +96,7 @@ class SingleRun:
     def __init__(
         self,
         problem: InitialValueProblem,
-        law: Law | None = None,
-        rate: float | None = None,
-        delay: float = 0.0,
+        control: Control | None = None,
         before: Array | None = None,
         *,
         rows: int | None = None,
@@ -104,7 +107,6 @@ class SingleRun:
         motion: StatedError | None = None,
     ) -> None:
         check_method(problem.run)
-        control = _control(problem, law, rate, delay, before)
         if control is not None:
             problem = dataclasses.replace(problem, inputs=problem.inputs._replace(drive=control.drive))
         elif before is not None:
@@ -134,14 +136,7 @@ class SingleRun:
         self._before, self._warned = before, False
         self.steps.start(record)
 
-    def finish(
-        self,
-        stop: Stop,
-        progress: Callable[[float], None] | None = None,
-        *,
-        compared: bool = True,
-        warn: Callable[[Diagnostic], None] | None = None,
-    ) -> Trajectory:
+    def finish(self, stop: Stop, progress: Report = None, *, compared: bool = True, warn: Warn = None) -> Trajectory:
         """Run to the end, or until stopped; if `compared`, verify the run by a second one where its steps require it.
 
         If progress is slow, `warn` is called once during the run with the cause.
@@ -166,14 +161,9 @@ class SingleRun:
             raise InterruptedRunError(monitor.trajectory(), stop.signal)
         return monitor.trajectory()
 
-    def advance(
-        self,
-        stop: Stop,
-        report: Callable[[float], None] | None = None,
-        warn: Callable[[Diagnostic], None] | None = None,
-    ) -> None:
+    def advance(self, stop: Stop, report: Report = None, warn: Warn = None) -> None:
         """Advance until the run ends, a check fails, or it is stopped."""
-        monitor, steps = self.monitor, self.steps
+        monitor, steps, t = self.monitor, self.steps, self.monitor.record.t
         try:
             for rows, part in steps:
                 if not self._sound(rows, part, warn):
@@ -182,13 +172,13 @@ class SingleRun:
                     report(part)
                 if stop.requested:
                     return
-            steps.failure = ended_early(monitor.last_time, float(monitor.record.t[-1]))
+            steps.failure = ended_early(float(t[max(0, monitor.n_valid - 1)]), float(t[-1]))
         except LawFailure as failure:
             raise ControlError(f"{monitor.record.chain.name}: {failure}", monitor.trajectory()) from failure.__cause__
         except KeyboardInterrupt:  # from a signal handler of the caller, or from `report`
             stop.signal = signal.SIGINT
 
-    def _sound(self, rows: int, part: float, warn: Callable[[Diagnostic], None] | None) -> bool:
+    def _sound(self, rows: int, part: float, warn: Warn) -> bool:
         """Check the samples before index `rows`; return whether the run may go on."""
         monitor, steps = self.monitor, self.steps
         good = True
@@ -202,17 +192,6 @@ class SingleRun:
         if not good:
             monitor.steps = steps.steps_before(monitor.n_valid)
         return good and not steps.failure
-
-
-def _control(
-    problem: InitialValueProblem, law: Law | None, rate: float | None, delay: float, before: Array | None
-) -> Control | None:
-    """The control law of a run, if it has one; errors as in `control_of`."""
-    if law is None and rate is None and not delay:
-        return None
-    from flexlink.motion.sampled_control import control_of  # noqa: PLC0415  few runs have a law in Python
-
-    return control_of(problem, law, rate, delay, before)
 
 
 def prepared_run(
@@ -412,17 +391,13 @@ def _samples(
     run, chain = problem.run, problem.chain
     try:
         number = run.samples if rows is None else rows
-        times = kept(
-            "times", (problem.start, run.between, number), lambda: multiples(problem.start, run.between, number)
-        ).copy()
+        about = problem.start, run.between, number
+        times = kept("times", about, lambda: multiples(*about)).copy()
         q, qd = np.empty((2, number, chain.n))
         others = derived(problem, number)
     except (MemoryError, ValueError):  # ValueError: more elements than numpy can count
-        raise SceneError(
-            f"{run.label('sample', 'run.')} = {run.spacing!r}: {run.samples} samples of {chain.n} joints do not fit "
-            "into memory",
-            id="out-of-memory",
-        ) from None
+        text = f"{run.label('sample', 'run.')} = {run.spacing!r}: {run.samples} samples of {chain.n} joints do not fit "
+        raise SceneError(f"{text}into memory", id="out-of-memory") from None
     q[0], qd[0] = problem.q, problem.qd
     return times, q, qd, others
 

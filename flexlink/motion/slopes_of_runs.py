@@ -112,8 +112,7 @@ def neighbours(
         There is no value at x.
     """
     varied = [k for k in range(len(x)) if steps[k]]
-    points = [moved(x, k, place * steps[k]) for k in varied for place in at[k]]
-    middle, *beside = many([x, *points])
+    middle, *beside = many([x, *(moved(x, k, place * steps[k]) for k in varied for place in at[k])])
     if isinstance(middle, FlexlinkError):
         raise middle
     found, left = list[Neighbours[Value] | FlexlinkError](), iter(beside)

@@ -19,16 +19,12 @@ from flexlink.motion.tolerable import Thresholds
 from flexlink.results.record import Record
 
 
-def may_saturate(inputs: Inputs) -> bool:
-    """Whether a motor may reach its torque limit within a step; see `saturation.saturates` of the kernels."""
-    return not inputs.drive.rate and min(inputs.drive.effort.tolist(), default=np.inf) < np.inf
-
-
 def with_own_limits(inputs: Inputs) -> Inputs:
-    """Inputs with a copy of the torque limits if steps may write to them."""
-    if not may_saturate(inputs):
+    """Inputs with a copy of the torque limits if steps may write to them; see `saturation.saturates` of the kernels."""
+    drive = inputs.drive
+    if drive.rate or min(drive.effort.tolist(), default=np.inf) == np.inf:  # no motor saturates within a step
         return inputs
-    return inputs._replace(drive=inputs.drive._replace(limits=inputs.drive.limits.copy()))
+    return inputs._replace(drive=drive._replace(limits=drive.limits.copy()))
 
 
 LONGEST = Memo(16)

@@ -59,14 +59,13 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     if method.explicit:
         coefficients = EmbeddedMethod(*method.arrays, method.error, *(method.dense or (None, None, None)))
         K, L = np.zeros((2, s + 1 + method.more_stages, n))
-        Q, tau = np.zeros((2, n))
-        e = np.zeros((2, n))
-        of_ties = ties_of(record, 1, 1, 0)
+        (Q, tau), e = np.zeros((2, 2, n))
         powers = 0 if method.dense is None else method.dense[2].shape[2]
         return EmbeddedWork(
             coefficients, arrays, record.scratch, posture, numbers, new, K, L, np.zeros(len(K)),
             np.zeros((2, powers, n)), np.zeros(powers), Q, tau, e, springs, saturation, forces,
-            *((of_ties, np.zeros((1, n, width)), np.zeros((VECTOR.size, n)), inverse) if record.tied else ()),
+            *((ties_of(record, 1, 1, 0), np.zeros((1, n, width)), np.zeros((VECTOR.size, n)), inverse)
+              if record.tied else ()),
         )  # fmt: skip
     r, p = len(method.modes.real), len(method.modes.complex)
     # largest number of joints, since the cost of the small matrix grows as (stages · joints)³; few fixed steps need it
@@ -79,12 +78,11 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     # error of the joint's rate persists. Measured on stick-slip motion with widths from 1e-1 to 1e-6 rad/s, errors at
     # the end are at most 2.5 tolerances; with a factor of 1 they are up to 14
     numbers[STEPPER.turning] = 4.0 if with_error and len(turning.joints) == len(turning.dry) else 0.0
-    postures = stage_postures(chain, s, posture)
     return ImplicitWork(
         coefficients_of(method), arrays, inverse, forces, posture, numbers, new,
         np.zeros((6, s, n)), np.zeros(s), np.zeros((VECTOR.size, n)), springs, saturation,
         np.zeros((r, n, width)), np.zeros((2, n), complex), np.zeros((p, n, width), complex),
-        postures, np.zeros((s, n, width)), turning, ties_of(record, s, r, p),
+        stage_postures(chain, s, posture), np.zeros((s, n, width)), turning, ties_of(record, s, r, p),
     )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from flexlink.describe.schemes.methods import Method, method
 from flexlink.kernels.stepping.judgement import Allowance
 from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.results import balance
-from flexlink.results.samples import RunSamples, State, StatedError
+from flexlink.results.samples import RunSamples, StatedError
 from flexlink.results.tip_motion import apart
 
 
@@ -179,7 +179,8 @@ def compared_with(other: Monitor, run: Monitor, first: Monitor) -> StatedError:
     if before is not None and two.t[0] == one.t[0] and np.array_equal(two.q[0], one.q[0]):  # both begin in one state
         tip += before.tip[-1]
     tip = np.maximum(tip, Thresholds.seen * first.tolerance)
-    return _described(run, first, tip, _outputs_apart(run, other), end, two.inputs.drive.delayed(end.t))
+    found = _described(run, first, tip, _outputs_apart(run, other))
+    return found._replace(compared=True, end=end, delayed=two.inputs.drive.delayed(end.t))
 
 
 def shown_by(coarser: Monitor, run: Monitor) -> StatedError:
@@ -189,23 +190,12 @@ def shown_by(coarser: Monitor, run: Monitor) -> StatedError:
     return found._replace(tip=tip, end=None, delayed=None)
 
 
-def _described(
-    run: Monitor,
-    first: Monitor,
-    tip: Array,
-    outputs: dict[str, Array],
-    end: State | None = None,
-    delayed: Array | None = None,
-) -> StatedError:
-    record = first.record
-    start = record.state(0)
-    travelled, drifting, drifted = run.travelled, run.drifting, displaced(run).item(-1)
+def _described(run: Monitor, first: Monitor, tip: Array, outputs: dict[str, Array]) -> StatedError:
+    start, travelled, drifting, drifted = first.record.state(0), run.travelled, run.drifting, displaced(run).item(-1)
     if (before := first.before) is not None:
         start, travelled, drifting = before.start, before.travelled + travelled, before.drifting + drifting
     tip.setflags(write=False)
-    return StatedError(
-        tip, first.tolerance, end is not None, outputs, start, travelled, drifting, drifted, end, delayed
-    )
+    return StatedError(tip, first.tolerance, False, outputs, start, travelled, drifting, drifted)
 
 
 def displaced(run: Monitor) -> Array:

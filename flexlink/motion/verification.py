@@ -74,7 +74,7 @@ def second_runs(monitor: Monitor) -> Iterator[Second]:
             sample = 2 * run.spacing
             coarser = replace(run, step=2 * run.fixed_step, sample=sample, duration=pairs * sample)
             yield Second(coarser, 2, error_ratio, strict=False)
-        yield Second(_within(run, AUTO, STRICTER * _tolerance(monitor)), 1, 1.0)
+        yield Second(_within(run, STRICTER * _tolerance(monitor)), 1, 1.0)
 
 
 def needs_comparison(monitor: Monitor) -> bool:
@@ -154,20 +154,17 @@ def runs_of_other_order(run: RunSettings, name: str, size: float, least: float =
 
 def unknown(monitor: Monitor) -> Diagnostic:
     """Warning that a run could not be compared."""
-    return Diagnostic(
-        "doubtful: the error is unknown, since no comparison run with other steps ended within "
-        f"{GIVEN_UP} times the evaluations of this run; {advice(monitor)} and compare",
-        "no-comparison-run",
+    text = (
+        f"doubtful: the error is unknown, since no comparison run with other steps ended within {GIVEN_UP} times the "
     )
+    return Diagnostic(f"{text}evaluations of this run; {advice(monitor)} and compare", "no-comparison-run")
 
 
 def unrepeated(monitor: Monitor, error: float) -> Diagnostic:
     """Warning that a run by a law in Python may amplify what the law reads, which only a second run would show."""
-    return Diagnostic(
-        f"doubtful: errors read by the control law add up to {error / monitor.tolerance:.2g} tolerances, and a law in "
-        "Python cannot be repeated to see whether they grow; take a tenth of the tolerance and compare",
-        "doubtful-comparison",
-    )
+    read = f"errors read by the control law add up to {error / monitor.tolerance:.2g} tolerances"
+    text = f"doubtful: {read}, and a law in Python cannot be repeated to see whether they grow"
+    return Diagnostic(f"{text}; take a tenth of the tolerance and compare", "doubtful-comparison")
 
 
 def is_exceeded(monitor: Monitor, error: float) -> bool:
@@ -177,11 +174,10 @@ def is_exceeded(monitor: Monitor, error: float) -> bool:
 
 def exceeded(monitor: Monitor, error: float) -> Diagnostic:
     """Warning that the stated error of a run [m] is beyond its tolerance."""
-    return Diagnostic(
-        f"doubtful: tip error {error:.2g} m, {error / monitor.tolerance:.2g} times the tolerance"
-        f"{multiplies(monitor)}; {advice(monitor)} and compare",
-        "doubtful-comparison",
+    text = (
+        f"doubtful: tip error {error:.2g} m, {error / monitor.tolerance:.2g} times the tolerance{multiplies(monitor)}"
     )
+    return Diagnostic(f"{text}; {advice(monitor)} and compare", "doubtful-comparison")
 
 
 def doubt(monitor: Monitor, second: Second, path: Array) -> Diagnostic:
@@ -190,11 +186,10 @@ def doubt(monitor: Monitor, second: Second, path: Array) -> Diagnostic:
     error = float(apart(own, path).max()) / second.larger
     run = second.run
     steps = f"a tolerance of {run.tolerance:.2g} m" if run.controlled else f"steps of {run.fixed_step:g} s"
-    text = f"doubtful: tip error {error:.2g} m relative to a run with {steps}"
+    off = f"tip error {error:.2g} m"
     if not (chain := monitor.record.chain).has_levers:
-        text = (
-            f"doubtful: error {error:.2g} m (positions, or angles × {chain.size:.3g} m) relative to a run with {steps}"
-        )
+        off = f"error {error:.2g} m (positions, or angles × {chain.size:.3g} m)"
+    text = f"doubtful: {off} relative to a run with {steps}"
     if error > _tolerance(monitor):
         grown = multiplies(monitor) if monitor.explicit else ""
         text = f"{text}, {motion_in_words(chain, monitor.extent)}{grown}"
@@ -227,20 +222,15 @@ def _stricter_and_stricter(monitor: Monitor) -> Iterator[Second]:
     finer = 1e-2  # tolerance of a run, relative to the tolerance of the previous run
     tolerance, own = STRICTER * _tolerance(monitor), STRICTER * max(monitor.tip_error, monitor.record.least_tolerance)
     while tolerance > own:
-        yield Second(_within(monitor.run, AUTO, tolerance), 1, 1.0, strict=False)
+        yield Second(_within(monitor.run, tolerance), 1, 1.0, strict=False)
         tolerance *= finer
-    yield Second(_within(monitor.run, AUTO, max(own, monitor.record.least_tolerance)), 1, 1.0)
+    yield Second(_within(monitor.run, max(own, monitor.record.least_tolerance)), 1, 1.0)
 
 
-def _within(run: RunSettings, name: str, tolerance: float) -> RunSettings:
+def _within(run: RunSettings, tolerance: float) -> RunSettings:
+    solver = RunSettings().solver
     return replace(
-        run,
-        method=name,
-        step=None,
-        tolerance=tolerance,
-        relative_tolerance=None,
-        sample=run.spacing,
-        solver=RunSettings().solver,
+        run, method=AUTO, step=None, tolerance=tolerance, relative_tolerance=None, sample=run.spacing, solver=solver
     )
 
 

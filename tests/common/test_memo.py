@@ -30,7 +30,6 @@ def test_a_result_is_computed_once_per_object_and_key() -> None:
     for key in ("a", "a", "b", "a"):
         assert memo(one, key, lambda key=key: calls.append(key) or len(calls)) == {"a": 1, "b": 2}[key]
     assert calls == ["a", "b"]
-    assert [memo.kept(one, key) for key in "abc"] == [1, 2, None]
 
 
 def test_a_key_of_contents_depends_on_all_arguments() -> None:

@@ -34,7 +34,8 @@ def inputs_with(drive: Drive, scene: Scene, chain: Chain) -> Inputs:
     loads = loads_of(scene, chain)
     wrench = scene.tip_wrench if loads is None else np.full(6, np.nan)  # until a stage writes it
     if chain.arrays.rare is not None:
-        loads = loads or no_loads(chain)
+        # without loads, the wrench is constant and acts on the arm's tip
+        loads = loads or Loads(False, False, np.zeros(1), np.zeros((1, 1, 6)), chain.arrays, np.empty(0, np.int64))
     return Inputs(drive_for(chain, drive), motion_arrays(scene, chain), wrench, loads)
 
 
@@ -87,11 +88,8 @@ def motion_arrays(scene: Scene, chain: Chain) -> MotionTable:
         pieces = [_pieces(motion) for motion in scene.motion]
     for motion, piece in zip(scene.motion, pieces, strict=True):
         if not np.isfinite(piece).all():
-            raise SceneError(
-                f"motion.{motion.link}.{motion.keys[0]}: its rate between two times overflows float64; expected a "
-                "slower motion",
-                id="overflow",
-            )
+            text = "its rate between two times overflows float64; expected a slower motion"
+            raise SceneError(f"motion.{motion.link}.{motion.keys[0]}: {text}", id="overflow")
     knots = [np.array(motion.times) for motion in scene.motion]
     first = np.cumsum([0, *map(len, knots)], dtype=np.int64)
     return MotionTable(np.array(joints, dtype=np.int64), first, np.concatenate(knots), np.concatenate(pieces))
@@ -148,8 +146,3 @@ def loads_of(scene: Scene, chain: Chain) -> Loads | None:
     coefficients = np.ascontiguousarray(np.concatenate(parts, axis=2))
     path = path_to(chain.bodies, loaded_body(chain.bodies))
     return Loads(True, wrench.frame == "tip", knots, coefficients, chain.arrays, path)
-
-
-def no_loads(chain: Chain) -> Loads:
-    """Empty loads, for an arm whose wrench is constant and acts on its tip."""
-    return Loads(False, False, np.zeros(1), np.zeros((1, 1, 6)), chain.arrays, np.empty(0, np.int64))

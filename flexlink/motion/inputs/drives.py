@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -42,13 +42,7 @@ def drive_arrays(scene: Scene, chain: Chain) -> Drive:
         gravity = "static", and the arm has no equilibrium at the reference.
     """
     # function that builds the arrays, by kind of drive
-    laws: dict[str, Callable[[Scene, Chain], Drive]] = {
-        "constant": _table,
-        "table": _table,
-        "pd": _pd,
-        "computed_torque": _computed_torque,
-        "cascade": _cascade,
-    }
+    laws = {"constant": _table, "table": _table, "pd": _pd, "computed_torque": _computed_torque, "cascade": _cascade}
     kind = scene.drive.kind if len(chain.active) else "none"
     if kind == "none":
         return no_drive()
@@ -83,8 +77,7 @@ def limited(drive: Drive, effort: Array | None = None) -> Drive:
 def held_torques(chain: Chain, times: Array, torques: Array, effort: Array | None = None) -> Drive:
     """A drive that applies torques (m, d) to the driven joints, holding each row until the next time."""
     table = PiecewisePolynomial(held_knots(times), np.ascontiguousarray(torques[:, None]))
-    drive = drive_of(chain.active.copy(), feedforward=table)
-    return drive if effort is None else limited(drive, effort)
+    return limited(drive_of(chain.active.copy(), feedforward=table), effort)
 
 
 def effort_of(scene: Scene, chain: Chain) -> Array:
@@ -114,14 +107,10 @@ def side_by_side(drives: Sequence[Drive]) -> Drive:
     """The drive of eight chains side by side; the last one is repeated to fill all lanes."""
     one = drives[0]
     eight = [drives[min(lane, len(drives) - 1)].model for lane in range(LANES)]
-    model = None if one.model is None else tuple(map(_own_motion, eight))
+    own = (RigidModel(m.chain, rne_workspace(m.chain), m.wrench, *np.zeros((4, len(m.q)))) for m in eight)
+    model = None if one.model is None else tuple(own)  # copies with their own motion and scratch
     held = np.zeros((*one.held.shape, LANES))
     return one._replace(model=model, held=held, next_instant=one.next_instant.copy())
-
-
-def _own_motion(model: RigidModel) -> RigidModel:
-    """A copy of a model with its own motion and scratch."""
-    return RigidModel(model.chain, rne_workspace(model.chain), model.wrench, *np.zeros((4, len(model.q))))
 
 
 def remembered(drive: Drive) -> tuple[NDArray[Any], ...]:
@@ -244,15 +233,21 @@ def _links_of(chain: Chain) -> list[int]:
 
 def _fed(scene: Scene, chain: Chain, feedback: Drive, law: int, by_model: int) -> Drive:
     """Add feed-forward, computed once for a constant reference, else by law `by_model` with the rigid model."""
-    # how to compute the feed-forward of a constant reference, for each value of the drive's `gravity`
-    gravity = {"none": _no_gravity, "rigid": _rigid_gravity, "static": _static_gravity}
     if scene.drive.torques is not None:
         return feedback._replace(law=law, feedforward=_interpolated(scene, *_rows(scene, chain)))
     target = feedback.reference
     still = len(target.knots) == 1 and not target.coefficients[:, 1:].any()
     if scene.drive.gravity == "rigid" and not still:
         return feedback._replace(law=by_model, model=rigid_model(lump(bare_and_rigid(scene))))
-    return feedback._replace(law=law, feedforward=gravity[scene.drive.gravity](scene, chain, target))
+    if scene.drive.gravity == "static":
+        from flexlink.motion.inputs.feedforward import holding_torque  # noqa: PLC0415  few scenes need statics
+
+        torque = holding_torque(chain, target)
+    elif scene.drive.gravity == "rigid":
+        torque = constant(gravity_torque(lump(bare_and_rigid(scene)), target.coefficients[0, 0]))
+    else:
+        torque = constant(np.zeros(len(chain.active)))
+    return feedback._replace(law=law, feedforward=torque)
 
 
 def _computed_torque(scene: Scene, chain: Chain) -> Drive:
@@ -309,22 +304,6 @@ def no_drive() -> Drive:
 def no_model() -> RigidModel:
     """Rigid model for laws that need none: a chain without bodies. All runs share it, since it is never written to."""
     return rigid_model(Chain("", np.empty(0, BODY), np.empty(0, HINGE), np.zeros(3), (), ()))
-
-
-def _no_gravity(scene: Scene, chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
-    return constant(np.zeros(len(chain.active)))
-
-
-def _rigid_gravity(scene: Scene, chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
-    """Gravity torque of the rigid model at the reference."""
-    return constant(gravity_torque(lump(bare_and_rigid(scene)), target.coefficients[0, 0]))
-
-
-def _static_gravity(scene: Scene, chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
-    """Torque that holds the arm, bent by gravity, with its joints at the reference."""
-    from flexlink.motion.inputs.feedforward import holding_torque  # noqa: PLC0415  few scenes need statics
-
-    return holding_torque(chain, target)
 
 
 def of_joints(chain: Chain, per_link: tuple[float, ...] | None) -> Array:

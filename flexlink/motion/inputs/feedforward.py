@@ -62,25 +62,18 @@ def _require_start(scene: Scene, chain: Chain, found: Feedforward) -> None:
     initial, move = scene.initial, found.move
     if found.times[0] < -1e-9:  # more than rounding
         needed = math.ceil(1e4 * (move.start - float(found.times[0])) - 1e-6) / 1e4
-        raise SceneError(
-            f"drive.reference.start = {move.start:g}: the torques begin {needed:g} s before the tip moves; start at "
-            f"{needed:g} s or later",
-            id="move-too-early",
-        )
+        text = f"drive.reference.start = {move.start:g}: the torques begin {needed:g} s before the tip moves; start at "
+        raise SceneError(f"{text}{needed:g} s or later", id="move-too-early")
     if initial.q is not None or initial.time:  # continues another run
         return
     links = [chain.coordinate(int(k)).link - 1 for k in chain.active]
     first = found.path.postures[0, chain.active]
     if not np.allclose(scene.joint_positions[links], first, rtol=0.0, atol=1e-9):
-        raise SceneError(
-            "drive.reference: starts elsewhere than initial; with follows = 'tip' the arm starts on the path",
-            id="start-differs-from-motion",
-        )
+        text = "drive.reference: starts elsewhere than initial; with follows = 'tip' the arm starts on the path"
+        raise SceneError(text, id="start-differs-from-motion")
     if initial.passive == "zero" and (any(scene.gravity) or found.path.wrench.any()):
-        raise SceneError(
-            "initial.passive = 'zero': with follows = 'tip' the arm starts at rest; set passive = 'static'",
-            id="springs-start-slack",
-        )
+        text = "initial.passive = 'zero': with follows = 'tip' the arm starts at rest; set passive = 'static'"
+        raise SceneError(text, id="springs-start-slack")
 
 
 def from_rest_to_rest(found: Feedforward) -> tuple[Array, Array, Array]:
@@ -124,8 +117,7 @@ def holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolyno
     ConvergenceError
         The arm has no equilibrium somewhere along the reference.
     """
-    kept = TORQUES.calling(_holding_torque, chain, target)
-    return PiecewisePolynomial(*(part.copy() for part in kept))
+    return PiecewisePolynomial(*(part.copy() for part in TORQUES.calling(_holding_torque, chain, target)))
 
 
 TORQUES = Memo(16)

@@ -137,11 +137,9 @@ def _given(name: str, numbers: tuple[float, ...] | None, otherwise: Array) -> Ar
     if numbers is None:
         return otherwise
     if len(numbers) != len(otherwise):
-        raise SceneError(
-            f"initial.{name} = {truncated(numbers)}: expected one number per joint and hinge, {len(otherwise)} "
-            "(chain.joint_names); joint angles alone are given as initial.joint_deg",
-            id="one-per-joint",
-        )
+        wanted = f"one number per joint and hinge, {len(otherwise)} (chain.joint_names)"
+        text = f"expected {wanted}; joint angles alone are given as initial.joint_deg"
+        raise SceneError(f"initial.{name} = {truncated(numbers)}: {text}", id="one-per-joint")
     return np.array(numbers)
 
 
@@ -155,8 +153,6 @@ def _check_followed(motion: MotionTable, scene: Scene, chain: Chain, q: Array, q
             # the rounding error of numbers written with ten digits
             if abs(state[k] - wanted[k]) > 1e-9 * max(1.0, abs(wanted[k])):
                 joint = chain.joint_name(int(k))
-                raise SceneError(
-                    f"initial.{name}[{k}] = {state[k]!r}: joint {joint!r} has a prescribed motion, which is at "
-                    f"{wanted[k]!r} {chain.joint_units[k]}{per} at t = {scene.initial.time:g} s",
-                    id="start-differs-from-motion",
-                )
+                place = f"{wanted[k]!r} {chain.joint_units[k]}{per} at t = {scene.initial.time:g} s"
+                text = f"joint {joint!r} has a prescribed motion, which is at {place}"
+                raise SceneError(f"initial.{name}[{k}] = {state[k]!r}: {text}", id="start-differs-from-motion")

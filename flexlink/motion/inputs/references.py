@@ -26,9 +26,8 @@ def reference_arrays(scene: Scene, chain: Chain) -> PiecewisePolynomial:
     if course is None:
         return constant(scene.joint_targets[links])
     check_start(scene, chain)
-    return PiecewisePolynomial(
-        course.knots.copy(), course.coefficients.copy()
-    )  # writable: kernels are compiled for writable arrays
+    # writable: kernels are compiled for writable arrays
+    return PiecewisePolynomial(course.knots.copy(), course.coefficients.copy())
 
 
 def check_start(scene: Scene, chain: Chain) -> None:
@@ -46,18 +45,13 @@ def check_start(scene: Scene, chain: Chain) -> None:
     for k in chain.active.tolist():
         link = chain.coordinates[k].link - 1
         slides = scene.arm.slides[link]
-        starts, stated, unit = (
-            float(in_joint_units([slides], [initial.q[k]])[0]),
-            scene.starts[link],
-            OF_JOINT[slides].unit,
-        )
+        starts = float(in_joint_units([slides], [initial.q[k]])[0])
+        stated, unit = scene.starts[link], OF_JOINT[slides].unit
         missing, default = f"from_{unit}", f"joint_{unit}"
         if reference.starts_at_initial(unit) and abs(starts - stated) > close:
-            raise SceneError(
-                f"drive.reference.{missing}: missing; the joint of {chain.link_names[link]!r} starts at "
-                f"{starts:.9g} {unit} by initial.q, but at {stated:.9g} by initial.{default}",
-                id="missing-key",
-            )
+            places = f"{starts:.9g} {unit} by initial.q, but at {stated:.9g} by initial.{default}"
+            text = f"missing; the joint of {chain.link_names[link]!r} starts at {places}"
+            raise SceneError(f"drive.reference.{missing}: {text}", id="missing-key")
 
 
 def constant(angles: Array) -> PiecewisePolynomial:
@@ -76,8 +70,7 @@ def pieces_of(name: str, times: Array, rows: Array, *, smooth: bool) -> Array:
     SceneError
         The rows of the named table change by more than float64 can represent.
     """
-    degree = 3 if smooth else 1
-    coefficients = np.zeros((len(times), degree + 1, rows.shape[1]))
+    coefficients = np.zeros((len(times), 4 if smooth else 2, rows.shape[1]))
     coefficients[:, 0] = rows
     with np.errstate(over="ignore", invalid="ignore"):
         coefficients[:-1, 1] = np.diff(rows, axis=0) / np.diff(times)[:, None]
@@ -86,11 +79,8 @@ def pieces_of(name: str, times: Array, rows: Array, *, smooth: bool) -> Array:
 
             coefficients[:-1] = CubicSpline(times, rows).c[::-1].transpose(1, 0, 2)
     if not np.isfinite(coefficients).all():
-        raise SceneError(
-            f"{name}: the change from one time to the next overflows float64; use smaller changes, or times farther "
-            "apart",
-            id="overflow",
-        )
+        text = "the change from one time to the next overflows float64; use smaller changes, or times farther apart"
+        raise SceneError(f"{name}: {text}", id="overflow")
     return coefficients
 
 

@@ -64,9 +64,7 @@ def check_step(problem: InitialValueProblem) -> tuple[Diagnostic, ...]:
     UnstableStepError
         The step is larger than the largest stable step, and `run.unstable` does not allow that.
     """
-    if problem.run.duration == 0 or not problem.explicit or _within_bounds([problem])[0]:
-        return ()
-    return _check_by_eigenvalues(problem)
+    return () if _within_bounds([problem])[0] else _check_by_eigenvalues(problem)
 
 
 def _check_by_eigenvalues(problem: InitialValueProblem) -> tuple[Diagnostic, ...]:
@@ -79,19 +77,15 @@ def _check_by_eigenvalues(problem: InitialValueProblem) -> tuple[Diagnostic, ...
     largest = stable_step_of(λ, run.method)
     if run.fixed_step <= largest:
         return ()
-    reason = (
-        f"{run.label('step', 'run.')} = {run.fixed_step:g} s: more than {largest:.3g} s, the largest stable step of "
-        f"{run.method} at the start "
-        f"of {problem.scene.name!r} (fastest eigenvalue {np.abs(λ).max():.4g} 1/s)"
-    )
+    start = f"at the start of {problem.scene.name!r} (fastest eigenvalue {np.abs(λ).max():.4g} 1/s)"
+    why = f"more than {largest:.3g} s, the largest stable step of {run.method} {start}"
+    reason = f"{run.label('step', 'run.')} = {run.fixed_step:g} s: {why}"
     if run.unstable == "refuse":
-        raise UnstableStepError(
-            f"{reason}; in place of step and method give relative_tolerance = 1e-3 (--method auto --relative-tolerance "
-            f"1e-3), which works for any stiffness; or step = {_divisor(run.sample or run.duration, largest)}; or "
-            "override this check: unstable = 'allow' (--insist)",
-            largest,
-            id="unstable-step",
-        )
+        adaptive = "relative_tolerance = 1e-3 (--method auto --relative-tolerance 1e-3), which works for any stiffness"
+        shorter = f"step = {_divisor(run.sample or run.duration, largest)}"
+        remedy = f"in place of step and method give {adaptive}; or {shorter}"
+        text = f"{reason}; {remedy}; or override this check: unstable = 'allow' (--insist)"
+        raise UnstableStepError(text, largest, id="unstable-step")
     return (Diagnostic(f"{reason}; allowed by unstable = 'allow'", "unstable-step"),)
 
 

@@ -61,8 +61,7 @@ def merged_breakpoints(table: PiecewisePolynomial | Loads, part: float) -> Array
     if given.shape[1] > LINEAR:
         kept[1:-1:2], size = False, 4
     while size < len(knots):
-        blocks = (len(knots) - 1) // size
-        a = size * np.arange(blocks)
+        a = size * np.arange((len(knots) - 1) // size)
         points = 2 * a[:, None] + np.arange(2 * size)
         ends = values[2 * a], values[2 * (a + size)], slopes[0][a], slopes[1][a + size - 1]
         off = np.abs(values[points] - hermite(t[points], t[2 * a], t[2 * (a + size)], ends)).max(axis=1)

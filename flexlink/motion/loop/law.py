@@ -7,7 +7,7 @@ z is the memory of the law, such as its integrators; K has the sign of the law, 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -88,7 +88,7 @@ def law_in_python(law: Law, plant: Plant) -> LinearLaw:
     step = 1e-3
     steps = step * np.concatenate([np.ones(2 * n), np.abs(plant.C[2 * n :]).max(axis=1, initial=0.0)])
     steps[steps == 0.0] = step
-    call = _caller(law, plant, d)
+    call = functools.partial(_torque, law, plant)
     before, slopes = call(y), np.zeros((d, len(y)))
     for k, (unit, h) in enumerate(zip(np.eye(len(y)), steps.tolist(), strict=True)):
         for factor, weight in ((1.0, 8.0), (2.0, -1.0)):
@@ -102,23 +102,19 @@ def law_in_python(law: Law, plant: Plant) -> LinearLaw:
     return proportional(slopes[plant.moving])
 
 
-def _caller(law: Law, plant: Plant, d: int) -> Callable[[Array], Array]:
-    n, reads = plant.chain.n, takes_sensors(law)
-
-    def call(y: Array) -> Array:
-        keywords = {SENSORS: dict(zip(plant.readings, y[2 * n :].tolist(), strict=True))} if reads else {}
-        try:
-            given = np.asarray(law(plant.t, y[:n].copy(), y[n : 2 * n].copy(), **keywords), np.float64)
-        except Exception as error:
-            text = f"control: law {_name(law)} raised {type(error).__name__}: {error}"
-            raise ArgumentError(text, id="law-failed") from error
-        if given.shape != (d,) or not np.isfinite(given).all():
-            wanted = f"expected one finite number per driven joint, shape ({d},)"
-            why = f"control: law {_name(law)} returned {truncated(given.tolist())}; {wanted}"
-            raise ArgumentError(why, id="law-failed")
-        return given
-
-    return call
+def _torque(law: Law, plant: Plant, y: Array) -> Array:
+    n, d = plant.chain.n, len(plant.chain.active)
+    keywords = {SENSORS: dict(zip(plant.readings, y[2 * n :].tolist(), strict=True))} if takes_sensors(law) else {}
+    try:
+        given = np.asarray(law(plant.t, y[:n].copy(), y[n : 2 * n].copy(), **keywords), np.float64)
+    except Exception as error:
+        text = f"control: law {_name(law)} raised {type(error).__name__}: {error}"
+        raise ArgumentError(text, id="law-failed") from error
+    if given.shape != (d,) or not np.isfinite(given).all():
+        wanted = f"expected one finite number per driven joint, shape ({d},)"
+        why = f"control: law {_name(law)} returned {truncated(given.tolist())}; {wanted}"
+        raise ArgumentError(why, id="law-failed")
+    return given
 
 
 def _name(law: Law) -> str:

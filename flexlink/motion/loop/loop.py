@@ -161,9 +161,15 @@ class Loop:
         if path in {"drive.delay", "drive.rate"} and not self.rate:
             raise ArgumentError(f"path = {path!r}: the law is not sampled; specify drive.rate", id="no-effect")
         if path == "drive.delay":
-            return self._largest_delay()
+            start = self.delay if self.delay and self.stable else 0.01 / self.rate
+            if self.growth_with(delay=0.0) > STABLE or self.growth_with(delay=start) > STABLE:
+                return 0.0
+            return boundary(lambda value: self.growth_with(delay=value), start, up=True, factor=1.15, most=70)
         if path == "drive.rate":
-            return self._smallest_rate()
+            # each sampling period of delay adds states; a loop so late is not looked at
+            most = 100 / self.delay if self.delay else np.inf
+            changed = lambda rate: self.growth_with(rate=rate) if rate < most else np.inf  # noqa: E731
+            return boundary(changed, self.rate, up=not self.stable)
         if path == "gain":
             return boundary(lambda gain: self.growth_with(gain=gain), 1.0, up=self.stable)
         changes, start = number_at(self.scene, path)
@@ -226,18 +232,6 @@ class Loop:
         rate, delay = self.rate if rate is None else rate, self.delay if delay is None else delay
         open_, law = open_loop(self.plant, rate, delay), law._replace(H=gain * law.H, K=gain * law.K)
         return growth_of(open_.closed(law), open_.period)
-
-    def _smallest_rate(self) -> float:
-        # each sampling period of delay adds states; a loop so late is not looked at
-        most = 100 / self.delay if self.delay else np.inf
-        changed = lambda rate: self.growth_with(rate=rate) if rate < most else np.inf  # noqa: E731
-        return boundary(changed, self.rate, up=not self.stable)
-
-    def _largest_delay(self) -> float:
-        start = self.delay if self.delay and self.stable else 0.01 / self.rate
-        if self.growth_with(delay=0.0) > STABLE or self.growth_with(delay=start) > STABLE:
-            return 0.0
-        return boundary(lambda value: self.growth_with(delay=value), start, up=True, factor=1.15, most=70)
 
     def _delay_margin(self, i: int, estimate: float) -> float:
         """Largest additional delay of input i [s], with its exact effect within a sampling period."""

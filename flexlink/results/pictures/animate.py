@@ -110,7 +110,6 @@ def _drawing() -> ModuleType:
 
 
 def _write(film: Film, format: str, place: Path, width: int, report: Progress) -> None:
-    """Write a film in a format, and report the progress."""
     if format == ".html":
         place.write_bytes(page(film, width).encode())
         report(1.0)
@@ -201,7 +200,7 @@ def data_of(film: Film) -> dict[str, Any]:
     projected, outline, found = Projected(film), film.outline, film.colouring
     pivot, window = turned_window(projected)
     poses = np.concatenate([film.p, film.R[..., 1], film.R[..., 2]], axis=-1)  # origin, y and z of every body
-    level = np.nan_to_num(found.values / found.largest * 254, nan=255.0) if found.largest else found.values * 0 + 255
+    level = found.values / found.largest * 254 if found.largest else found.values * 0 + 255
     return {
         "name": film.name, "about": film.about, "subtitle": projection.subtitle(film), "fps": film.fps,
         "digits": projection.digits_of_time(film), "bodies": film.p.shape[1], "t": _floats(film.t),

@@ -114,6 +114,5 @@ def _rows(run: RunSamples, fps: float, speed: float) -> NDArray[np.intp]:
 def placed(run: RunSamples, q: Array) -> tuple[Array, Array]:
     """Rotations and origins of the base and the bodies."""
     placed = frames(run.chain, q)
-    count = len(q)
-    base = np.broadcast_to(np.eye(3), (count, 1, 3, 3)), np.zeros((count, 1, 3))
+    base = np.broadcast_to(np.eye(3), (len(q), 1, 3, 3)), np.zeros((len(q), 1, 3))
     return np.concatenate([base[0], placed.rotations], axis=1), np.concatenate([base[1], placed.points], axis=1)

@@ -34,12 +34,11 @@ def plot_nyquist(hertz: Array, L: Complex, title: str) -> Figure:
     """The loop in the complex plane near −1; `hertz` is not drawn."""
     figure = Figure(figsize=(6.0, 6.0), layout="constrained")
     panel = figure.subplots()
-    span = 3.0
     panel.plot(L.real, L.imag, color=BLUE, label="L")
     panel.plot(L.real, -L.imag, color=BLUE, linewidth=0.8, linestyle="--", label="negative frequencies")
     panel.plot(-1.0, 0.0, "+", color=VERMILION, markersize=12, label="−1")
     _circle(panel)
-    panel.set(xlim=(-span, span), ylim=(-span, span), aspect="equal", xlabel="Re L", ylabel="Im L")
+    panel.set(xlim=(-3.0, 3.0), ylim=(-3.0, 3.0), aspect="equal", xlabel="Re L", ylabel="Im L")
     panel.grid(alpha=0.3)
     panel.legend(loc="upper right", fontsize="small")
     figure.suptitle(f"loop broken at {title}, {hertz[0]:.3g} … {hertz[-1]:.3g} Hz")
