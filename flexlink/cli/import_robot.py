@@ -1,4 +1,4 @@
-"""`flexlink import`: Convert a URDF or MJCF robot, or the paths to some of its links, to a scene; links can bend.
+"""`flexlink import`: Convert a URDF, MJCF or SDF robot, or the paths to some of its links, to a scene; links can bend.
 
 flexlink import robot.urdf -o robot.toml
 flexlink import robot.urdf --base torso --tip left_hand --tip right_hand --locked torso_lift=0.2 -o arms.toml

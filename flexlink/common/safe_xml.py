@@ -12,9 +12,11 @@ from xml.etree import ElementTree as ET
 from xml.parsers import expat
 
 from flexlink.common.errors import DataFileError
+from flexlink.common.wording import truncated
 
 LARGEST = 5_000_000  # bytes; a robot with a thousand links has half a megabyte
 MOST_ELEMENTS = 200_000  # and attributes; together they take about 100 MB of memory
+LARGEST_NUMBER = 1e9  # SI; more than any value of a robot, and small enough that derived values fit into float64
 DEEPEST = 1000  # levels of nested elements; MuJoCo reads 500
 
 
@@ -57,6 +59,17 @@ def numbers_of(text: str) -> list[float] | None:
     words = text.split()
     number = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # matches in one way, so in linear time
     return [float(word) for word in words] if all(map(number.fullmatch, words)) else None
+
+
+def numbers_in(text: str, about: str, count: int = 1, largest: float = LARGEST_NUMBER) -> list[float]:
+    """Return this many numbers of a text, whose place is `about`."""
+    values = numbers_of(text)
+    if values is None or len(values) != count:
+        wanted = "a finite number" if count == 1 else f"{count} finite numbers separated by blanks"
+        raise DataFileError(f"{about} = {truncated(text)}: expected {wanted}", id="number-in-file")
+    if max(map(abs, values)) > largest:
+        raise DataFileError(f"{about} = {truncated(text)}: must be at most {largest:g} (SI units)", id="number-in-file")
+    return values
 
 
 class _Elements(ET.TreeBuilder):

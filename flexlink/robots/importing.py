@@ -1,4 +1,4 @@
-"""URDF, MJCF → scene: import a complete robot, or the paths to some of its links, as an arm; links may be flexible.
+"""URDF, MJCF, SDF → scene: import a complete robot, or the paths to some of its links, as an arm; links may bend.
 
 Joints that mimic a free joint: on a fixed base they are inertia and friction of their leader.
 
@@ -87,19 +87,19 @@ def import_urdf(
     flexible: Mapping[str, FlexibleLink] = NOTHING, armature: Mapping[str, float] = NOTHING,
     gravity: Vector3 = (0.0, 0.0, -9.81),
 ) -> ImportResult:  # fmt: skip
-    """Convert a URDF or MJCF file to a scene, with the complete robot or only the paths to some of its links.
+    """Convert a URDF, MJCF or SDF file to a scene, with the complete robot or only the paths to some of its links.
 
     All hinges and sliding joints become joints of the scene, each after its parent, path by path in the file's
     order, with its own name (`Joint.name`). If a link has several children, they name it with `on`. Links connected by
     fixed joints are merged; mass, centre and inertia are preserved. If `tip` is given, only joints on the paths to the
     tips move. Everything attached to these paths, such as grippers, is rigid in the given configuration. Mimicking
-    joints are rigid as well, but on a fixed base each adds the inertia and friction of its body to its leader. What an
-    MJCF file holds together is held by ties.
+    joints are rigid as well, but on a fixed base each adds the inertia and friction of its body to its leader. What
+    closes loops in MJCF and SDF becomes ties.
 
     Parameters
     ----------
     path
-        The URDF file, without its meshes, the MJCF file, which MuJoCo reads, or the result of `read_robot`.
+        The URDF or SDF file, without its meshes, the MJCF file, which MuJoCo reads, or the result of `read_robot`.
     base
         Link where the paths begin; by default the root. Frame 0 is the root's frame.
     tip

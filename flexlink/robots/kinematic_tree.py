@@ -78,6 +78,8 @@ class Closure(NamedTuple):
     ends: tuple[tuple[str, Pose], tuple[str, Pose]]
     ratio: float = 1.0
     lacks: str = ""  # why it is no tie
+    lost: str = ""  # what the tie does not have
+    axis: Sequence[float] = (0.0, 0.0, 1.0)  # of a hinge, in both frames
 
 
 @dataclasses.dataclass(frozen=True, repr=False)

@@ -25,7 +25,7 @@ def ties_of(
             continue
         tie = _tie(closure, links, (a, A), (b, B)) if a else _tie(closure, links, (b, B), (a, A))
         ends = " and ".join(link for link, _ in closure.ends)
-        yield tie, Diagnostic(f"{closure.name}: a tie of kind {closure.kind} holds {ends}", "loop-tied")
+        yield tie, Diagnostic(f"{closure.name}: a tie of kind {closure.kind} holds {ends}{closure.lost}", "loop-tied")
 
 
 def _place(
@@ -50,10 +50,12 @@ def _tie(closure: Closure, links: Sequence[str], one: tuple[int, Pose], other: t
     """The tie of a closure between a part and another part, or frame 0."""
     (a, A), (b, B) = one, other
     to: dict[str, Any] = {"link": links[b - 1]} if b else {}
-    tie = {"name": closure.name, "kind": closure.kind, "link": links[a - 1], "to": to}
+    tie: dict[str, Any] = {"name": closure.name, "kind": closure.kind, "link": links[a - 1], "to": to}
     if closure.kind == "joint":
         return tie | ({"ratio": closure.ratio} if b else {})
     to["point"] = B.p.tolist()
     if closure.kind == "weld":
         to["rpy_deg"] = np.degrees(rpy_from_matrix(B.R @ A.R.T)).tolist()
+    if closure.kind == "hinge":
+        tie["axis"], to["axis"] = ((frame.R @ np.array(closure.axis)).tolist() for frame in (A, B))
     return tie | {"point": A.p.tolist()}

@@ -6,6 +6,7 @@ take as 0 or 1), required values must be present, and nothing may be given twice
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 import re
@@ -20,6 +21,7 @@ import numpy as np
 from flexlink.chain.rigid import NOTHING, Pose, SpatialInertia, matrix_from_rpy_deg
 from flexlink.common import safe_xml
 from flexlink.common.errors import DataFileError, Diagnostic, SceneError
+from flexlink.common.safe_xml import LARGEST_NUMBER, numbers_in
 from flexlink.common.types import Array
 from flexlink.common.wording import did_you_mean, truncated
 from flexlink.data.documents import read_regular, read_toml, require_path, shown_path
@@ -27,8 +29,7 @@ from flexlink.describe.directions import unit
 from flexlink.describe.spec import decode
 from flexlink.robots.kinematic_tree import JointKind, Mimic, Robot, TreeJoint
 from flexlink.robots.mjcf_file import read_mjcf
-
-LARGEST = 1e9  # SI; larger than any value of a robot, and small enough that derived values fit into float64
+from flexlink.robots.sdf_file import as_urdf
 
 
 @functools.cache
@@ -38,13 +39,13 @@ def words() -> dict[str, str]:
 
 
 def read_robot(path: str | Path) -> Robot:
-    """Read a robot, in SI units and radians, from a URDF or MJCF file; a xacro file must be expanded first.
+    """Read a robot, in SI units and radians, from a URDF, MJCF or SDF file; a xacro file must be expanded first.
 
     Errors name the file, the link or joint, the value and what is allowed.
     """
     path = require_path("path", path)
     if path.suffix.lower() in {".stl", ".obj", ".dae", ".step", ".stp", ".iges"}:
-        raise DataFileError(f"{shown_path(path)}: a mesh or CAD file; import reads URDF and MJCF", id="not-xml")
+        raise DataFileError(f"{shown_path(path)}: a mesh or CAD file; import reads URDF, MJCF and SDF", id="not-xml")
     data = read_regular(path, largest=safe_xml.LARGEST, error=DataFileError)
     root = safe_xml.parse(data, shown_path(path), namespaces=False)
     try:
@@ -56,17 +57,16 @@ def read_robot(path: str | Path) -> Robot:
 
 
 def _robot(root: ET.Element, path: Path) -> Robot:
-    if root.tag not in {"robot", "mujoco"}:
-        what = "the root element of a URDF file is <robot>"
-        sdf = "this is SDF, which `flexlink compare SCENE --file` reads; import needs URDF or MJCF"
-        why = f"<{truncated(root.tag)[1:-1]}>: {sdf if root.tag == 'sdf' else what}"
-        raise DataFileError(why, id="unknown-root-element")
-    if root.find(".//flexlink") is not None or root.find("custom/text[@name='flexlink.links']") is not None:
+    if root.tag not in {"robot", "mujoco", "sdf"}:
+        why = "the root element of a URDF file is <robot>, of MJCF <mujoco>, of SDF <sdf>"
+        raise DataFileError(f"<{truncated(root.tag)[1:-1]}>: {why}", id="unknown-root-element")
+    own = root.find(".//flexlink"), root.find("custom/text[@name='flexlink.links']"), root.get("xmlns:flexlink")
+    if any(each is not None for each in own):
         why = "<flexlink>: this file was exported by flexlink; load its scene instead"
         raise DataFileError(why, id="exported-by-flexlink")
     if root.tag == "mujoco":
         return read_mjcf(path)
-    longest, most_links = 10_000, 5_000  # most characters of an attribute; most links (a humanoid has 130)
+    longest = 10_000  # characters of an attribute
     spaces = [key for key, space in root.attrib.items() if key.startswith("xmlns:") and "xacro" in space]
     macros = ("xacro:", *(f"{space.removeprefix('xmlns:')}:" for space in spaces))
     for element in root.iter():
@@ -75,6 +75,15 @@ def _robot(root: ET.Element, path: Path) -> Robot:
         if any(len(value) > longest for value in element.attrib.values()):
             why = f"<{truncated(element.tag)[1:-1]}>: has an attribute of more than {longest} characters"
             raise DataFileError(why, id="file-too-large")
+    if root.tag == "sdf":
+        tree, closures = as_urdf(root)
+        return dataclasses.replace(_tree(tree), left_out=_left_out(root), closures=closures, source="SDF")
+    return dataclasses.replace(_tree(root), left_out=_left_out(root))
+
+
+def _tree(root: ET.Element) -> Robot:
+    """The robot of elements of URDF."""
+    most_links = 5_000  # a humanoid has 130
     elements = root.findall("link")
     if len(elements) > most_links:
         raise DataFileError(f"{len(elements)} links; at most {most_links} are read", id="file-too-large")
@@ -84,7 +93,7 @@ def _robot(root: ET.Element, path: Path) -> Robot:
     for element in root.findall("joint"):
         name = _new_name(element, joints)
         joints[name] = _joint(element, name)
-    return Robot(root.get("name") or "robot", links, joints, _left_out(root), tuple(_in_degrees(root, joints)))
+    return Robot(root.get("name") or "robot", links, joints, {}, tuple(_in_degrees(root, joints)))
 
 
 def _left_out(root: ET.Element) -> dict[str, list[tuple[str, str]]]:
@@ -93,7 +102,7 @@ def _left_out(root: ET.Element) -> dict[str, list[tuple[str, str]]]:
     Of an element that is not read, all parts with a mechanical name are left out as well; others go with it.
     """
     found: dict[str, list[tuple[str, str]]] = {}
-    read, inside = words()["read"].split(","), [(root, "", True)]
+    read, inside = words()["read_sdf" if root.tag == "sdf" else "read"].split(","), [(root, "", True)]
     for element, parent, is_read in inside:  # the loop appends to the list
         owner = element.get("reference") or (element is not root and element.get("name")) or parent
         parts = [(f"{element.tag} {key}", value) for key, value in element.attrib.items() if key[:5] != "xmlns"]
@@ -165,24 +174,14 @@ def _text(element: ET.Element, key: str, about: str) -> str:
     return text
 
 
-def _numbers(text: str, about: str, count: int = 1, largest: float = LARGEST) -> list[float]:
-    values = safe_xml.numbers_of(text)
-    if values is None or len(values) != count:
-        wanted = "a finite number" if count == 1 else f"{count} finite numbers separated by blanks"
-        raise DataFileError(f"{about} = {truncated(text)}: expected {wanted}", id="number-in-file")
-    if max(map(abs, values)) > largest:
-        raise DataFileError(f"{about} = {truncated(text)}: must be at most {largest:g} (SI units)", id="number-in-file")
-    return values
-
-
 def _number(
-    element: ET.Element | None, key: str, about: str, default: float | None = None, largest: float = LARGEST
+    element: ET.Element | None, key: str, about: str, default: float | None = None, largest: float = LARGEST_NUMBER
 ) -> float:
     """Return a numerical attribute; without a default it must be present."""
     text = None if element is None else element.get(key)
     if element is None or (text is None and default is not None):
         return default or 0.0
-    return _numbers(_text(element, key, about), f"{about}: <{element.tag} {key}>", largest=largest)[0]
+    return numbers_in(_text(element, key, about), f"{about}: <{element.tag} {key}>", largest=largest)[0]
 
 
 def _not_negative(element: ET.Element | None, key: str, about: str, default: float | None = None) -> float:
@@ -196,7 +195,7 @@ def _vector(element: ET.Element | None, key: str, about: str, default: tuple[flo
     text = None if element is None else element.get(key)
     if element is None or text is None:
         return np.array(default)
-    return np.array(_numbers(text, f"{about}: <{element.tag} {key}>", 3))
+    return np.array(numbers_in(text, f"{about}: <{element.tag} {key}>", 3))
 
 
 def _origin(parent: ET.Element, about: str) -> Pose:
@@ -250,4 +249,6 @@ def _limits(element: ET.Element, kind: str, about: str) -> tuple[float, float] |
     if limit is None:
         return None
     lower, upper = (_number(limit, key, about, 0.0, sys.float_info.max) for key in ("lower", "upper"))
-    return (lower, upper) if max(abs(lower), abs(upper)) <= LARGEST else None  # some files write 1e16 for no limit
+    return (
+        (lower, upper) if max(abs(lower), abs(upper)) <= LARGEST_NUMBER else None
+    )  # some files write 1e16 for no limit

@@ -51,7 +51,7 @@ HOSTILE: dict[str, tuple[str | bytes, str, str]] = {
     "latin-1 bytes": (GOOD.replace('"r"', '"ä"').encode("latin-1"), "not-xml", ""),
     "null": (GOOD.replace('"r"', '"\0"'), "not-xml", ""),
     "an image": (b"\x89PNG\r\n\x1a\n" + bytes(100), "not-xml", ""),
-    "SDF": ("<sdf version='1.10'/>", "unknown-root-element", "<sdf>"),
+    "no model": ("<sdf version='1.10'/>", "element-twice", "<sdf>"),
     "our own export": (edited("</joint>", '<flexlink stiffness="9"/></joint>'), "exported-by-flexlink", "<flexlink>"),
     "no link": ("<robot name='r'/>", "no-link", ""),
     "no joint": ("<robot name='r'><link name='a'/></robot>", "no-movable-joint", "'a'"),
