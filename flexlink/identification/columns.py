@@ -124,9 +124,8 @@ def linear_models(
     no mode.
     """
     runs = [*fitted, *checks]
-    if not fitted or not all(
-        chain.held[chain.active].all() for chain in [lump(open_chain(scene)) for _, scene in runs]
-    ):
+    chains = [lump(open_chain(scene)) for _, scene in runs]
+    if not fitted or not all(chain.held[chain.active].all() for chain in chains):
         return {}
     try:
         λ = _modes(fitted[0][1], min(source.rate for source, _ in fitted))

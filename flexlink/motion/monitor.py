@@ -89,14 +89,9 @@ class Monitor:
         self._balance.compile(self.record.samples)
 
     def check(
-        self,
-        stop: int,
-        steps: Steps | None = None,
-        errors: Array | None = None,
-        *,
-        methods: Sequence[tuple[int, str, str]] = (),
-        so_far: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    ) -> bool:
+        self, stop: int, steps: Steps | None = None, errors: Array | None = None, *,
+        methods: Sequence[tuple[int, str, str]] = (), so_far: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> bool:  # fmt: skip
         """Compute and check the new samples before `stop`; return whether all are valid.
 
         `errors`, if known, are the `step_errors` of the steps from the `probed` samples. For adaptive steps, `methods`

@@ -30,28 +30,13 @@ if TYPE_CHECKING:
 
 
 def simulate(
-    scene: Scene,
-    *,
-    progress: Callable[[float], None] | None = None,
-    method: str | None = None,
-    step: float | None = None,
-    duration: float | None = None,
-    sample: float | None = None,
-    solver: ForwardSolver | None = None,
-    unstable: Unstable | None = None,
-    tolerance: float | None = None,
-    relative_tolerance: float | None = None,
-    accuracy: Accuracy | None = None,
-    max_evaluations: float | None = None,
-    q0: ArrayLike | None = None,
-    qd0: ArrayLike | None = None,
-    t0: float | None = None,
-    control: Law | None = None,
-    rate: float | None = None,
-    delay: float = 0.0,
-    after: Trajectory | None = None,
-    **unknown: Never,
-) -> Trajectory:
+    scene: Scene, *, progress: Callable[[float], None] | None = None, method: str | None = None,
+    step: float | None = None, duration: float | None = None, sample: float | None = None,
+    solver: ForwardSolver | None = None, unstable: Unstable | None = None, tolerance: float | None = None,
+    relative_tolerance: float | None = None, accuracy: Accuracy | None = None, max_evaluations: float | None = None,
+    q0: ArrayLike | None = None, qd0: ArrayLike | None = None, t0: float | None = None, control: Law | None = None,
+    rate: float | None = None, delay: float = 0.0, after: Trajectory | None = None, **unknown: Never,
+) -> Trajectory:  # fmt: skip
     """Integrate the equation of motion M q̈ + T_GC + T_FL + T_FR = T_EX from the scene's initial state.
 
     The method is Runge-Kutta with a fixed step, t = k · step (paper, equations 5 to 12), or with adaptive steps that
@@ -196,18 +181,10 @@ class Problem:
         return f"<Problem {self.chain.name!r}: {self.chain.n} joints>"
 
     def simulate(
-        self,
-        *,
-        q0: ArrayLike | None = None,
-        qd0: ArrayLike | None = None,
-        t0: float | None = None,
-        duration: float | None = None,
-        control: Law | None = None,
-        rate: float | None = None,
-        delay: float = 0.0,
-        after: Trajectory | None = None,
-        progress: Callable[[float], None] | None = None,
-    ) -> Trajectory:
+        self, *, q0: ArrayLike | None = None, qd0: ArrayLike | None = None, t0: float | None = None,
+        duration: float | None = None, control: Law | None = None, rate: float | None = None, delay: float = 0.0,
+        after: Trajectory | None = None, progress: Callable[[float], None] | None = None,
+    ) -> Trajectory:  # fmt: skip
         """Integrate the equation of motion; arguments, result and errors as in the function `simulate`.
 
         Parameters

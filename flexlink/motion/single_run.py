@@ -94,18 +94,10 @@ class SingleRun:
     """
 
     def __init__(
-        self,
-        problem: InitialValueProblem,
-        control: Control | None = None,
-        before: Array | None = None,
-        *,
-        rows: int | None = None,
-        kept: Kept | None = None,
-        warnings: tuple[Diagnostic, ...] | None = None,
-        halved: bool = False,
-        passes: bool = True,
-        motion: StatedError | None = None,
-    ) -> None:
+        self, problem: InitialValueProblem, control: Control | None = None, before: Array | None = None, *,
+        rows: int | None = None, kept: Kept | None = None, warnings: tuple[Diagnostic, ...] | None = None,
+        halved: bool = False, passes: bool = True, motion: StatedError | None = None,
+    ) -> None:  # fmt: skip
         check_method(problem.run)
         if control is not None:
             problem = dataclasses.replace(problem, inputs=problem.inputs._replace(drive=control.drive))

@@ -87,12 +87,9 @@ class Neighbours(NamedTuple, Generic[Value]):
 
 
 def neighbours(
-    many: Callable[[Sequence[Array]], Sequence[Value | FlexlinkError]],
-    x: Array,
-    steps: Array,
-    at: Sequence[Places],
+    many: Callable[[Sequence[Array]], Sequence[Value | FlexlinkError]], x: Array, steps: Array, at: Sequence[Places],
     one_sided: Places = FORWARD,
-) -> tuple[Value, list[Neighbours[Value] | FlexlinkError]]:
+) -> tuple[Value, list[Neighbours[Value] | FlexlinkError]]:  # fmt: skip
     """Evaluate a function at x and at its neighbours along each coordinate, all in one call of `many`.
 
     Parameters

@@ -34,12 +34,8 @@ def as_urdf(sdf: ET.Element) -> tuple[ET.Element, list[Closure]]:
         _add_joint(robot, f"world to {root}", ET.Element("joint", type="fixed"), ("world", root), frames[root])
     ties = {"revolute": "hinge", "continuous": "hinge", "ball": "point", "fixed": "weld"}
     for name, joint in joints.items():
-        parent, child, here, kind = (
-            _text(joint, "parent"),
-            _text(joint, "child"),
-            _place(model, name),
-            joint.get("type", ""),
-        )
+        parent, child, kind = _text(joint, "parent"), _text(joint, "child"), joint.get("type", "")
+        here = _place(model, name)
         if not {parent, child} <= frames.keys():
             why = f"parent = {truncated(parent)}, child = {truncated(child)}: expected links of the model, or world"
             raise DataFileError(f"joint {truncated(name)}: {why}", id="link-missing-in-file")

@@ -254,14 +254,9 @@ class Loop:
 
 
 def loop(
-    scene: Scene,
-    *,
-    control: Law | None = None,
-    rate: float | None = None,
-    delay: float = 0.0,
-    q: ArrayLike | None = None,
-    t: float | None = None,
-) -> Loop:
+    scene: Scene, *, control: Law | None = None, rate: float | None = None, delay: float = 0.0,
+    q: ArrayLike | None = None, t: float | None = None,
+) -> Loop:  # fmt: skip
     """The closed loop of an arm and its controller, linearized about a state in which the arm is held at rest.
 
     The controller is the drive of the scene, or a law in Python by its slopes. A sampled controller sees the state at
@@ -314,12 +309,9 @@ def loop(
 
 
 def loop_of(
-    problem: InitialValueProblem,
-    about: tuple[Array | None, float | None] = (None, None),
-    control: Law | None = None,
-    rate: float | None = None,
-    delay: float = 0.0,
-) -> Loop:
+    problem: InitialValueProblem, about: tuple[Array | None, float | None] = (None, None), control: Law | None = None,
+    rate: float | None = None, delay: float = 0.0,
+) -> Loop:  # fmt: skip
     """The loop of a problem about angles q (n,) and a time t [s]; None: at its start."""
     periods = delay * rate if control is not None and rate else problem.inputs.drive.delay * problem.inputs.drive.rate
     most = 300  # eigenvalues of 300 states take 0.1 s
