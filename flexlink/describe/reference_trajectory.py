@@ -165,11 +165,7 @@ class ReferenceTrajectory:
 
 @functools.cache
 def _to_bernstein(degree: int) -> Array:
-    """Matrix from power coefficients on [0, 1] to Bernstein coefficients, shape (degree + 1,) * 2.
-
-    A polynomial lies between its smallest and largest Bernstein coefficient (Farouki 2012, The Bernstein polynomial
-    basis).
-    """
+    """Matrix from power to Bernstein coefficients on [0, 1]; these enclose the polynomial (Farouki 2012)."""
     row = range(degree + 1)
     return np.array([[math.comb(i, j) / math.comb(degree, j) for j in row] for i in row])
 

@@ -59,11 +59,9 @@ def tied_equilibrium(
         q, λ[exact] = q + part * (B @ change[:f]), λ[exact] + part * stiff * change[f:]
         if stable and np.abs(change[:f]).max(initial=0.0) <= settled * max(1.0, chain.size):
             return np.asarray(q)
-    raise ConvergenceError(
-        f"{chain.name}: no stable equilibrium of the tied arm near its start; start nearer to it, or hold more joints; "
-        "a run starts anywhere with initial.passive = 'zero'",
-        q=start, load=0.0, id="no-equilibrium",
-    )  # fmt: skip
+    why = f"{chain.name}: no stable equilibrium of the tied arm near its start; start nearer to it, or hold more joints"
+    remedy = "a run starts anywhere with initial.passive = 'zero'"
+    raise ConvergenceError(f"{why}; {remedy}", q=start, load=0.0, id="no-equilibrium")
 
 
 def _least(K: Array, J: Array) -> float:

@@ -241,11 +241,9 @@ def closed(ties: Ties, chain: Chain, q: Array, qd: Array, t: float) -> tuple[Arr
             break
     g, J, moves = found
     if not np.abs(g).max() <= near:
-        raise SceneError(
-            f"tie: the ends are {far:.3g} m apart at the start, and meet in no posture near it; give "
-            "initial.joint_deg near a posture in which they meet, or move an end",
-            id="ties-open",
-        )
+        why = f"tie: the ends are {far:.3g} m apart at the start, and meet in no posture near it"
+        remedy = "give initial.joint_deg near a posture in which they meet, or move an end"
+        raise SceneError(f"{why}; {remedy}", id="ties-open")
     for B, least in zip(ways, (1e-3, 1e-9), strict=True):  # joints far from a singular posture need no springs
         if np.abs(J @ qd + moves).max() > near:
             qd = qd - B @ np.linalg.lstsq(J @ B, J @ qd + moves, rcond=least)[0]

@@ -266,13 +266,7 @@ def continued(after: Trajectory | None, scene: Scene) -> StatedError | None:
 
 
 def _end_of(after: Trajectory, q0: ArrayLike | None, qd0: ArrayLike | None, t0: float | None) -> State:
-    """The last state of a run that is continued.
-
-    Raises
-    ------
-    ArgumentError
-        `after` is not a Trajectory, or the state is also given.
-    """
+    """The last state of a run that is continued, refused if the state is also given."""
     for name, given in (("q0", q0), ("qd0", qd0), ("t0", t0)):
         if given is not None:
             raise ArgumentError(f"{name}: after is also given; specify only one", id="both-given")

@@ -20,9 +20,9 @@ from flexlink.dynamics.sensors.signals import signal_of
 from flexlink.dynamics.tied_motion import tied_acceleration
 from flexlink.dynamics.ties import gaps, tie_rows
 from tests.campaigns.random_ties import Maker
-from tests.motion.test_ties import BENDS, arm, fourbar, rod, touching
+from tests.motion.test_ties import BENDS, arm, bricard, fourbar, rod, touching
 from tests.support.touching import Touching
-from tests.support.words import refused
+from tests.support.words import refused, reviewed
 
 SPRUNG = {"tie.t0.stiffness": 2e3}
 SEEDS = [(2, SPRUNG), (3, {}), (6, {}), (11, {}), (24, SPRUNG), (35, {}), (42, {})]
@@ -125,6 +125,29 @@ def crane(flex: dict, k: float, foot: np.ndarray, length: float) -> fl.Scene:
     links = [{"length": 3.0, **flex}, {"length": 7.0, **flex, "joint": {"axis": [0, -1, 0], "locked": True}}]
     own = {"name": "c", "kind": "distance", "link": "l1", "stiffness": k, "length": length}
     return arm(*links, ties=[own | {"to": {"point": foot.tolist()}}], start=[20.0, 0.0])
+
+
+IN_LINE = {"name": "rod", "kind": "distance", "link": "l1", "length": 0.6, "to": {"point": [1.0, 0.0, 0.0]}}
+FLAT = {"name": "pin", "kind": "point", "link": "l3", "to": {"point": [1.0, 0.0, 0.0]}}
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [arm({"length": 0.4, **BENDS}, ties=[IN_LINE], start=[0.0]),
+     arm({"length": 0.4}, {"length": 1.0}, {"length": 0.4}, ties=[FLAT], start=[0.0, 0.0, 180.0])],
+    ids=["rod in line", "flat parallelogram"],
+)  # fmt: skip
+def test_small_motion_at_a_singular_posture_warns(scene: fl.Scene) -> None:
+    chain = fl.Problem(scene).chain
+    with pytest.warns(RuntimeWarning) as warned:
+        fl.modes(chain, fl.initial_state(scene, chain)[0], ties=scene)
+    reviewed("singular-ties", str(warned[0].message))
+
+
+def test_a_mechanism_with_more_bearings_than_it_needs_has_modes_without_a_warning() -> None:
+    chain = fl.Problem(bricard()).chain
+    q = fl.initial_state(bricard(), chain)[0]
+    assert len(fl.modes(chain, q, ties=bricard()).eigenvalues) == 1  # of a pair
 
 
 def test_a_rigid_boom_swings_on_its_cylinder_with_the_frequency_of_the_closed_form() -> None:
