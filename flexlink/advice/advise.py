@@ -117,9 +117,6 @@ class Advisor:
         if refinement.limit is None:
             why = f"{self.scene.name}: fewer than two models could be run: {refinement.reason}"
             raise ArgumentError(why, id="too-few-models")
-        if self.scene.ties and refinement.travel < 1e-9 * self.size:
-            why = "ties hold the tip, whose motion shows the errors of models; advise on an arm whose tip moves"
-            raise ArgumentError(f"{self.scene.name}: {why}", id="tip-held")
         known = refinement.limit.errors + refinement.remove_step_errors() + self.norm.up_to(screening.left_out)
         if known[-1] >= refinement.tolerance:
             return self._cannot(refinement, known)
@@ -167,6 +164,9 @@ class Advisor:
             self.runner.sample_postures(outcome.run)
             travel, bent = tip_travel(outcome.tip), float(deflections(outcome.run).max())
             known_tolerance = self.goal.tolerance(travel, bent)
+            if self.scene.ties and travel < 1e-9 * self.size:
+                why = "ties hold the tip, whose motion shows the errors of models; advise on an arm whose tip moves"
+                raise ArgumentError(f"{self.scene.name}: {why}", id="tip-held")
             if known_tolerance < least:
                 what, size = ("springs deflect the tip", bent) if self.goal.deflection else ("the tip moves", travel)
                 why = f"{what} by only {size:.2g} m, and {self.goal} of that is below the rounding error, {least:.2g} m"
