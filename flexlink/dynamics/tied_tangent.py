@@ -120,20 +120,20 @@ def tied_state(
     if moves and not len(kept):
         why = "ties: no motion is left; lock fewer joints, or give a tie a stiffness"
         raise ArgumentError(why, id="nothing-to-move")
-    if len(A) and _takes_back(ties, chain, q, t, B @ Z @ np.cos(np.arange(len(kept))), B):
+    if len(A) and _takes_back(ties, chain, q, t, g, B @ Z @ np.cos(np.arange(len(kept))), B):
         why = "singular posture of exact ties, as of links in one line: only those that act there are counted"
         text = f"{chain.name}: {why}; move the arm off it"
         warnings.warn(Diagnostic(text, "singular-ties"), RuntimeWarning, stacklevel=4)
     return TiedState(ties, J, exact, λ, k, d, bends(ties, chain, q), Z, kept)
 
 
-def _takes_back(ties: Ties, chain: Chain, q: Array, t: float, motion: Array, B: Array) -> bool:
-    """Whether exact ties, when they close, take back a small motion that J allows at q, as where links are in line."""
+def _takes_back(ties: Ties, chain: Chain, q: Array, t: float, g: Array, motion: Array, B: Array) -> bool:
+    """Whether exact ties that keep their g take back a small motion that J allows at q, as where links are in line."""
     exact, ahead = np.isinf(ties[0]["stiffness"]), 1e-3 * motion / (np.linalg.norm(motion) or 1.0)
     near = q + ahead
     for _ in range(3):
-        g, J, _ = gaps(ties, chain, near, t)
-        near = near - B @ np.linalg.lstsq(J[exact] @ B, g[exact], rcond=1e-5)[0]
+        now, J, _ = gaps(ties, chain, near, t)
+        near = near - B @ np.linalg.lstsq(J[exact] @ B, (now - g)[exact], rcond=1e-5)[0]
     return bool(np.linalg.norm(near - q - ahead) > 0.1 * np.linalg.norm(ahead))
 
 
