@@ -23,6 +23,7 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import FlexlinkError, SingularMassError
+from flexlink.common.memo import keep_last
 from flexlink.common.types import Array, Indices
 from flexlink.common.wording import plural
 from flexlink.describe.scene import Scene
@@ -181,7 +182,7 @@ def _closed(ties: Ties, chain: Chain, start: State, state: State) -> State:
 def with_ties(scene: Scene, chain: Chain, states: Sequence[State]) -> tuple[list[State], dict[str, Term]]:
     """The states with ties closed, and quantities: also q̈ with ties, their torques, and ġ and g or λ of all rows."""
     ties = cast(Ties, tie_rows(scene, chain))
-    ours = partial(_of_ties, ties, rods_of(scene, chain), chain.without_forces())  # as in files
+    ours = keep_last(1)(partial(_of_ties, ties, rods_of(scene, chain), chain.without_forces()))  # as in files
     start = State(*initial_state(scene, chain), np.zeros(chain.n), np.zeros(6), scene.initial.time)
 
     def term(k: int) -> Term:

@@ -249,6 +249,5 @@ def _limits(element: ET.Element, kind: str, about: str) -> tuple[float, float] |
     if limit is None:
         return None
     lower, upper = (_number(limit, key, about, 0.0, sys.float_info.max) for key in ("lower", "upper"))
-    return (
-        (lower, upper) if max(abs(lower), abs(upper)) <= LARGEST_NUMBER else None
-    )  # some files write 1e16 for no limit
+    stated = max(abs(lower), abs(upper)) <= LARGEST_NUMBER  # some files write 1e16 for no limit
+    return (lower, upper) if stated else None

@@ -10,15 +10,15 @@ from flexlink.chain.rigid import HERE, Pose, matrix_from_rpy_deg, rpy_from_matri
 from flexlink.common.errors import DataFileError
 from flexlink.common.safe_xml import numbers_in
 from flexlink.common.types import Array
-from flexlink.common.wording import truncated
+from flexlink.common.wording import plural, truncated
 from flexlink.robots.kinematic_tree import Closure
 
 
 def as_urdf(sdf: ET.Element) -> tuple[ET.Element, list[Closure]]:
     """The model of an SDF document as elements of URDF, a tree from the link `world`, and what closes its loops."""
     models = [*sdf.findall("model"), *sdf.findall("world/model")]
-    if len(models) != 1 or sdf.find(".//include") is not None or sdf.find(".//model/model") is not None:
-        why = f"{len(models)} models, included or nested ones: expected one that contains all its links and joints"
+    if len(models) != 1 or sdf.findall(".//include") + sdf.findall(".//model/model") or not models[0].findall("link"):
+        why = f"{plural(len(models), 'model')}, included or nested ones: expected one with all its links and joints"
         raise DataFileError(f"<sdf>: {why}", id="element-twice")
     model = models[0]
     robot, closures, above = ET.Element("robot", name=model.get("name", "")), list[Closure](), dict[str, str]()

@@ -114,6 +114,7 @@ WRONG = {
     "no frame": (('relative_to="end"', 'relative_to="start"'), "link-missing-in-file"),
     "no parent": (("<parent>coupler<", "<parent>ground<"), "link-missing-in-file"),
     "two models": (("</model>", '</model><model name="m"/>'), "element-twice"),
+    "no link": ((FOUR_BAR, '<sdf version="1.9"><model name="m"/></sdf>'), "element-twice"),
     "masses of shapes": (("<inertial><pose>0.4", '<inertial auto="true"><pose>0.4'), "missing-in-file"),
     "ours": (("<sdf", '<sdf xmlns:flexlink="urn:flexlink"'), "exported-by-flexlink"),
     "quaternion": (("0 0 0 1 2 3", "0 0 0 1 0 0 0"), "number-in-file"),
