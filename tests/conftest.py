@@ -40,6 +40,7 @@ SQUARE = Section(shape="rectangle", height=0.04, width=0.04)
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell without job control ignores SIGINT in background jobs
     signal.signal(signal.SIGINT, signal.default_int_handler)
 compiled = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="needs compiled kernels: NUMBA_DISABLE_JIT is set")
+LONG = frozenset((ROOT / "tests" / "long.txt").read_text(encoding="utf-8").splitlines())
 LONGEST_AS_PYTHON = 10.0  # s of processor time; slower tests are skipped if kernels run as Python
 
 
@@ -47,11 +48,16 @@ settings.register_profile("any machine", deadline=None, suppress_health_check=[H
 settings.load_profile("any machine")  # deadlines would depend on the speed of the computer
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Run files with many slow tests first: otherwise all processes wait for one long test at the end of the run.
 
-    Files that compile kernels for other files run even earlier.
+    Files that compile kernels for other files run even earlier. A run for which no files or folders are named leaves
+    out the tests that take long.
     """
+    if config.args == config.getini("testpaths"):
+        left_out = {item for item in items if not LONG.isdisjoint((item.nodeid, item.nodeid.partition("[")[0]))}
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if item not in left_out]
     slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
     items.sort(key=lambda item: (item.get_closest_marker("first") is None, -slow[item.path]))
 
