@@ -133,8 +133,7 @@ def read_csv(path: Path) -> CsvTable:
     """Read comma-separated numbers below one header line; blank lines are skipped."""
     data = read_regular(path, largest=100_000_000, error=DataFileError)
     try:
-        text = data.decode("utf-8-sig")
-        every = csv.reader(io.StringIO(text, newline=None))
+        every = csv.reader(io.StringIO(data.decode("utf-8-sig"), newline=None))
         heads, *lines = [line for line in every if any(cell.strip() for cell in line)]
     except (UnicodeDecodeError, csv.Error) as error:
         raise DataFileError(f"{path}: is not CSV: {error}", id="not-csv") from None

@@ -27,12 +27,7 @@ def tied_equilibrium(
 ) -> Array:
     """The equilibrium (n,) near q with these joints held, under a tip wrench (6,), at time t [s] of lengths that move.
 
-    `tau` (n,): drive torques T_EX [N m].
-
-    Raises
-    ------
-    ConvergenceError
-        There is no stable equilibrium near q.
+    `tau` (n,): drive torques T_EX [N m]. If there is no stable equilibrium near q, it raises a ConvergenceError.
     """
     passes, largest, settled = 200, 0.1, 1e-12  # Newton steps; largest and last change of a coordinate [rad, m]
     start, still = q, np.zeros(chain.n)

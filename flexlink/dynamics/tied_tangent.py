@@ -81,8 +81,7 @@ class TiedState(NamedTuple):
         """
         N = B @ self.Z
         P = N @ np.linalg.solve(N.T @ M @ N, N.T @ M)
-        bent = np.linalg.lstsq(self.J[self.exact] @ B, self.bends[self.exact] @ qdd, rcond=1e-10)[0]
-        G = B @ bent
+        G = B @ np.linalg.lstsq(self.J[self.exact] @ B, self.bends[self.exact] @ qdd, rcond=1e-10)[0]
         dq, dqd = free.dq - free.dtau @ self.stiffness, free.dqd - free.dtau @ self.damping
         return ForwardDerivatives(P @ (dq + G) - G, P @ dqd, P @ free.dtau)
 
@@ -92,12 +91,7 @@ def tied_state(
 ) -> TiedState | None:
     """The ties of a scene at a posture at rest, under drive torques (n,); None without ties. λ are those of q̈.
 
-    Raises
-    ------
-    ArgumentError
-        The state has rates, or the ties allow no motion, which `moves`.
-    SceneError
-        As in `tie_rows`.
+    A state with rates, and with `moves` ties that allow no motion, are refused; other errors as in `tie_rows`.
     """
     ties = None if scene is None else tie_rows(scene, chain)
     if scene is None or ties is None:

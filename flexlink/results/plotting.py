@@ -67,7 +67,8 @@ def _chosen(run: Trajectory, what: str | Sequence[str] | None) -> list[Draw]:
         there.setdefault(name, []).append(draw)
     names = list(there) if what is None else [what] if isinstance(what, str) else sequence("what", what, "str")
     columns = run.columns
-    drawn = ([partial(_column, run=run, name=n)] if n in columns else require_one_of("what", n, there) for n in names)
+    own = {n: [partial(_lines, run=run, names=[n], values=columns[n][:, None])] for n in names if n in columns}
+    drawn = (own.get(n) or require_one_of("what", n, there) for n in names)
     return list(itertools.chain.from_iterable(drawn))
 
 
@@ -87,8 +88,8 @@ def panels(run: RunSamples) -> Iterator[tuple[str, Draw]]:
             yield name, partial(_curves, run=run, joints=joints, values=values, label=COORDINATES[name, unit.si])
     springs = bool(chain.stiffness.any()) or has_potential(chain)
     there = (
-        ("base", partial(_position, points=run.q, label="base, frame 0 [m]"), chain.has_free_base),
-        ("tip", partial(_position, points=run.tip, label="tip, frame 0 [m]"), True),
+        ("base", partial(_lines, names="xyz", values=run.q, label="base, frame 0 [m]"), chain.has_free_base),
+        ("tip", partial(_lines, names="xyz", values=run.tip, label="tip, frame 0 [m]"), True),
         ("energy", exchanged_energy, True),
         ("elastic", elastic_energy, springs), ("balance", imbalance, run.work is not None),
     )  # fmt: skip
@@ -99,10 +100,10 @@ def panels(run: RunSamples) -> Iterator[tuple[str, Draw]]:
             yield "drives", partial(_curves, run=run, joints=joints, values=run.drive_torques[:, joints], label=label)
 
 
-def _position(panel: Axes, run: RunSamples, points: Array, label: str) -> None:
-    """Plot the coordinates of a point in frame 0."""
-    for k, axis in enumerate("xyz"):
-        panel.plot(run.t, points[:, k], label=axis)
+def _lines(panel: Axes, run: RunSamples, names: Sequence[str], values: Array, label: str = "") -> None:
+    """Plot the first columns of values (samples, …) with these names."""
+    for name, column in zip(names, values.T, strict=False):
+        panel.plot(run.t, column, label=name)
     panel.set_ylabel(label)
 
 
@@ -154,11 +155,6 @@ def plot_modes(found: Modes, chain: Chain, count: int = 8) -> Figure:
         panel.set_aspect("equal", adjustable="datalim")
         panel.grid(alpha=0.3)
     return figure
-
-
-def _column(panel: Axes, run: Trajectory, name: str) -> None:
-    """Plot a column of the run."""
-    panel.plot(run.t, run.columns[name], label=name)
 
 
 def _curves(panel: Axes, run: RunSamples, joints: list[int], values: Array, label: str) -> None:
