@@ -18,6 +18,8 @@ from flexlink.common.progress import Progress
 from flexlink.diagnosis.comparison import Comparison, compare
 from flexlink.diagnosis.trajectories import TrajectoryComparison, compare_trajectories, in_fixed_steps
 
+MANY_STEPS = 50_000  # number of steps for which other engines take a few seconds
+
 
 def run_command(options: argparse.Namespace) -> int:
     """Compare; exit with 1 if an engine or the file differs by more than rounding errors."""
@@ -35,7 +37,7 @@ def run_command(options: argparse.Namespace) -> int:
             over = scene if options.duration is None else scene.varied({"run.duration": options.duration})
             fixed, steps = in_fixed_steps(over, lump(open_chain(over)))
             number = fixed.run.duration / fixed.run.fixed_step
-            if number >= 50_000:  # other engines take a few seconds for as many
+            if number >= MANY_STEPS:
                 print_lines("note", [f"{number:,.0f} steps in each engine, {steps}; --duration shortens it"])
             comparison = compare_trajectories(scene, duration=options.duration, **how)
         else:

@@ -26,9 +26,8 @@ from flexlink.dynamics.load_path import Equations, LostError, equations_of, foll
 from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.tangent import LoadedState, load_torque, stiffness_matrix, unlocked
 from flexlink.dynamics.terms import elastic_torque
-from flexlink.dynamics.tied_equilibrium import tied_equilibrium
 from flexlink.dynamics.tied_motion import tie_forces
-from flexlink.dynamics.tied_tangent import tied_state
+from flexlink.dynamics.tied_tangent import tied_equilibrium, tied_state
 from flexlink.dynamics.ties import tie_rows
 from flexlink.kernels.derivatives.static_continuation import follow_equilibria
 
