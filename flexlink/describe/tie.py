@@ -171,9 +171,7 @@ class Tie(TieEnd, frozen=True, kw_only=True):
             if len(self.times) != len(self.lengths):
                 text = f"lengths has {len(self.lengths)} values: expected one per time, {len(self.times)}"
                 raise SceneError(text, id="one-per-time")
-            if self.times[0] != 0:
-                raise SceneError(f"times[0] = {self.times[0]!r}: must be 0", id="first-time")
-            require_increasing("times", self.times)
+            require_increasing("times", self.times, from_zero=True)
         if self.kind == "cylinder":
             self._check_oil()
 
