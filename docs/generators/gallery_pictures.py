@@ -7,7 +7,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from flexlink.results.notebook_figure import NotebookFigure
+from flexlink.results.plotting import NotebookFigure
 
 
 def pictures(_block: object, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:

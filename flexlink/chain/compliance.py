@@ -29,8 +29,6 @@ LEAST = 0.25
 """Smallest c_j, relative to the compliance of the hinge's interval."""
 ROUNDING = 1e-9
 """Rounding error of sums of weights, relative to the link's length."""
-MOST_NODES = 100
-"""Largest number of nodes of one polynomial; rules with more nodes on a link use intervals."""
 
 
 def spring_constants(beam: TableBeam, rule: LumpingRule, nodes: Array, weights: Array) -> Array:
@@ -42,7 +40,7 @@ def spring_constants(beam: TableBeam, rule: LumpingRule, nodes: Array, weights: 
             (_, _, weight), per = beam.flexibility(ends, 0)
             by_intervals[:, j] = per @ weight * (w / (ends[1] - ends[0]))
         found = by_intervals
-        if rule.grid is None and len(stretches) <= MOST_NODES:
+        if rule.grid is None and len(stretches) <= 100:  # a polynomial through more nodes is ill-conditioned
             (_, x, weight), per = beam.flexibility(np.array(edges), len(nodes[which]))
             basis = _lagrange(nodes[which], x)  # with the factor g(x)/g(x_j) of a `jacobi` rule
             if rule.jacobi is not None:
@@ -77,8 +75,7 @@ def curvatures(beam: TableBeam, rule: LumpingRule, hinges: tuple[Array, Array], 
     K, points = cell_constants(beam, rule.cells, len(nodes)), rule.cells.gauss_points(len(nodes))
     M = np.linalg.solve((cell.weights[:, None] * cell.curvature).T, K)  # (3, cells, p, p), moments per angle
     moments = np.einsum("aeij,...ej->a...ei", M, angles.reshape(*angles.shape[:-1], -1, p)).reshape(3, *angles.shape)
-    EI = beam.rigidities(points)
-    return np.asarray([part / row for part, row in zip(moments, EI, strict=True)])
+    return np.asarray([part / row for part, row in zip(moments, beam.rigidities(points), strict=True)])
 
 
 Panel = tuple[slice, tuple[float, float], Array]

@@ -67,8 +67,7 @@ def eigenmodes(x: Array, K: Array, M: Array, count: int) -> Array:
 def polynomials(x: Array, K: Array, M: Array, count: int) -> Array:
     """Angles due to moments that are Legendre polynomials along the link, of degree 0 … count − 1, (h, count)."""
     span = x[-1] - x[0] or 1.0
-    moments = np.polynomial.legendre.legvander(2 * (x - x[0]) / span - 1, count - 1)
-    return np.asarray(np.linalg.solve(K, moments))
+    return np.asarray(np.linalg.solve(K, np.polynomial.legendre.legvander(2 * (x - x[0]) / span - 1, count - 1)))
 
 
 SHAPES: dict[str, Callable[[Array, Array, Array, int], Array]] = {"eigenmodes": eigenmodes, "polynomials": polynomials}

@@ -34,7 +34,7 @@ def run_command(options: argparse.Namespace) -> int:
                 print(f"{options.over} = {row[options.over]:g}: growth {row['growth']:.6g}")
         if options.plot:
             if along:
-                drawing = drawing_module("results.pictures.loop")
+                drawing = drawing_module("results.plotting")
                 poles = [[pole.z for pole in each.poles] for each in along]
                 figure = drawing.plot_poles(poles, sampled=bool(found.rate), title=options.over, values=options.values)
             else:

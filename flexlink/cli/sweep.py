@@ -21,10 +21,9 @@ from flexlink.cli.shared import assignments, prefix_errors, print_hints, print_l
 from flexlink.common.errors import ArgumentError, Diagnostic, FlexlinkError
 from flexlink.common.progress import Progress, clock
 from flexlink.describe.plausibility.hints import hints
-from flexlink.sweeps.merge import take_parts
 from flexlink.sweeps.plan import Plan, Sweep, fingerprint
 from flexlink.sweeps.run import fill, preflight
-from flexlink.sweeps.store import Store
+from flexlink.sweeps.store import Store, take_parts
 from flexlink.sweeps.table import export, require_parquet
 from flexlink.sweeps.workers import MAX_WORKERS, pool_of
 

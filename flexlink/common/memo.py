@@ -47,14 +47,14 @@ class Memo:
 
 
 def keep_last(size: int) -> Callable[[Function], Function]:
-    """Keep the last results of a function, keyed as in `Memo` by the first argument's identity and all others."""
+    """Keep the last results of a function, keyed by the first argument's identity and the `contents` of all others."""
 
     def with_memo(find: Function) -> Function:
         memo = Memo(size)
 
         @wraps(find)
-        def found(of: object, *given: Hashable) -> Any:
-            return memo(of, given, lambda: find(of, *given))
+        def found(of: object, *given: object) -> Any:
+            return memo(of, contents(given), lambda: find(of, *given))
 
         return cast("Function", found)
 

@@ -71,9 +71,7 @@ class PrescribedMotion(Spec, frozen=True):
             raise self._refused("cutoff", "has no effect without a file; leave cutoff out", "no-effect")
         if not self.times:
             raise missing("times", "give them with angles, rates and accelerations, or give a file")
-        if self.times[0] != 0:
-            raise SceneError(f"times[0] = {self.times[0]!r}: must be 0", id="first-time")
-        require_increasing("times", self.times)
+        require_increasing("times", self.times, from_zero=True)
         for name in self.keys:
             column = getattr(self, name)
             if column is None:

@@ -13,10 +13,12 @@ from flexlink.common.types import Array
 from flexlink.common.wording import plural
 
 
-def require_increasing(name: str, times: Sequence[float]) -> None:
-    """Check that the times of a table increase."""
+def require_increasing(name: str, times: Sequence[float], *, from_zero: bool = False) -> None:
+    """Check that the times of a table increase, and on request that the first is 0."""
     if not times:
         raise SceneError(f"{name} = (): a table needs at least one row", id="file-empty")
+    if from_zero and times[0] != 0:
+        raise SceneError(f"{name}[0] = {times[0]!r}: must be 0", id="first-time")
     for k, (before, time) in enumerate(itertools.pairwise(times), 1):
         if not time > before:
             text = f"{name}[{k}] = {time!r}: must be greater than {name}[{k - 1}] = {before!r}; times must increase"

@@ -202,5 +202,4 @@ def common_knots(courses: Sequence[ReferenceTrajectory]) -> Array:
 
 def distinct(knots: Array) -> NDArray[np.bool_]:
     """Whether each knot differs from the next by more than the rounding errors of summed delays."""
-    rounding = 16 * np.finfo(float).eps
-    return np.asarray(np.diff(knots, append=np.inf) > rounding * np.abs(knots).max(initial=0.0))
+    return np.asarray(np.diff(knots, append=np.inf) > 16 * np.finfo(float).eps * np.abs(knots).max(initial=0.0))

@@ -171,9 +171,7 @@ class Tie(TieEnd, frozen=True, kw_only=True):
             if len(self.times) != len(self.lengths):
                 text = f"lengths has {len(self.lengths)} values: expected one per time, {len(self.times)}"
                 raise SceneError(text, id="one-per-time")
-            if self.times[0] != 0:
-                raise SceneError(f"times[0] = {self.times[0]!r}: must be 0", id="first-time")
-            require_increasing("times", self.times)
+            require_increasing("times", self.times, from_zero=True)
         if self.kind == "cylinder":
             self._check_oil()
 
@@ -237,10 +235,7 @@ class Tie(TieEnd, frozen=True, kw_only=True):
 def stops_of(limits: Limits, arm: Arm, ties: Sequence[Tie], moved: set[str | int]) -> Iterator[Tie]:
     """The stops that `limits` makes of the limits of an arm with these ties, except on the links `moved` as given.
 
-    Raises
-    ------
-    SceneError
-        A stiffness is missing for joints of one kind, or has no effect.
+    A stiffness that is missing for joints of one kind, or has no effect, is refused.
     """
     if limits == Limits():
         return
@@ -263,13 +258,7 @@ def refuse_ties(
     why: str = "only runs, sweeps, reports, sensitivities, fits, advice, solve_static, modes, buckling_loads, "
     "linearize, to_mjcf and comparisons support ties",
 ) -> None:
-    """Refuse a scene with ties.
-
-    Raises
-    ------
-    SceneError
-        There are ties.
-    """
+    """Refuse a scene with ties."""
     if ties:
         raise SceneError(f"tie.{ties[0].name}: {why}; leave [[tie]] and limits out", id="ties-not-supported")
 

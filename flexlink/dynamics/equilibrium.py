@@ -14,7 +14,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.layout import Joints
 from flexlink.chain.shapes import on_shapes
 from flexlink.common.errors import ConvergenceError
-from flexlink.common.memo import Memo
+from flexlink.common.memo import keep_last
 from flexlink.common.types import Array
 from flexlink.common.wording import plural
 from flexlink.describe.actions import Frame
@@ -26,9 +26,8 @@ from flexlink.dynamics.load_path import Equations, LostError, equations_of, foll
 from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.tangent import LoadedState, load_torque, stiffness_matrix, unlocked
 from flexlink.dynamics.terms import elastic_torque
-from flexlink.dynamics.tied_equilibrium import tied_equilibrium
 from flexlink.dynamics.tied_motion import tie_forces
-from flexlink.dynamics.tied_tangent import tied_state
+from flexlink.dynamics.tied_tangent import tied_equilibrium, tied_state
 from flexlink.dynamics.ties import tie_rows
 from flexlink.kernels.derivatives.static_continuation import follow_equilibria
 
@@ -207,14 +206,12 @@ def known_decimals(chain: Chain, q: Array, free: NDArray[np.intp], qd: Array, wr
     return [(i, math.ceil(math.log10(min(k[i] / open_[i], 1e300)))) for i in sprung.tolist()]
 
 
-POSTURES = Memo(64)  # cache of static equilibria, shared by the runs of one scene when they start
-
-
 def static_posture(chain: Chain, q: Array, wrench: Array, frame: Frame) -> Array:
     """Equilibrium (n,) of a chain with its driven joints held at their angles in q; errors as in `solve_static`."""
-    return POSTURES.calling(_static_posture, chain, q, wrench, frame).copy()
+    return _static_posture(chain, q, wrench, frame).copy()
 
 
+@keep_last(64)  # runs of one scene share it when they start
 def _static_posture(chain: Chain, q: Array, wrench: Array, frame: Frame) -> Array:
     free = unlocked(chain, chain.active.tolist())
     state = LoadedState(q.copy(), np.zeros(chain.n), wrench, turns_with_tip(frame), free)
@@ -231,8 +228,7 @@ def static_postures(chain: Chain, angles: Array) -> Array:
         q = postures[found] = static_posture(chain, q, np.zeros(6), "world")
         found += 1
         if chain.n <= DENSE and chain.shapes is None:
-            rest = angles[found:], q.copy(), postures[found:]
-            found += follow_equilibria(chain.arrays, held, free, *rest)
+            found += follow_equilibria(chain.arrays, held, free, angles[found:], q.copy(), postures[found:])
             q = postures[found - 1].copy()
     if chain.shapes is None:
         for i, decimals in known_decimals(chain, q, free, np.zeros(chain.n), np.zeros(6)):

@@ -97,8 +97,7 @@ class Equations:
     def _value_and_slope(self, x: Array) -> tuple[Array, Array]:
         s, q = x[0], self.posture(x)
         load = self.on(self.load(q))
-        loaded = np.where(self.sprung, s, 1.0) * load
-        left = self.on(spring_torque(self.chain, q)) + loaded - (1 - s) * self.held
+        left = self.on(spring_torque(self.chain, q)) + np.where(self.sprung, s, 1.0) * load - (1 - s) * self.held
         return left, np.where(self.sprung, load, 0.0) + self.held
 
     def prepare(self, q: Array, w: Array) -> None:

@@ -27,9 +27,6 @@ from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.dynamics.terms import elastic_torque, gravity_torque
 
-ENOUGH_HINGES = 3
-"""Smallest number of hinges that resolves a parabolic moment along a link, such as the moment due to a uniform load."""
-
 
 def notes(scene: Scene) -> tuple[Diagnostic, ...]:
     """Notes on probably unintended input: keys without effect, an unusual start. Each names a remedy."""
@@ -204,10 +201,10 @@ def _falling_base(scene: Scene) -> Iterator[Diagnostic]:
 
 
 def _few_hinges(scene: Scene) -> Iterator[Diagnostic]:
-    """Warn about strain gauges on links with fewer hinges than a parabolic bending moment requires, three."""
+    """Warn about strain gauges on links with fewer hinges than the parabolic moment of a uniform load needs: three."""
     placed = hinges_of(scene.arm)
     for sensor in scene.sensor:
-        if sensor.kind == "strain" and (found := len(placed[scene.arm.number(sensor.link) - 1][0])) < ENOUGH_HINGES:
+        if sensor.kind == "strain" and (found := len(placed[scene.arm.number(sensor.link) - 1][0])) < 3:
             course = "1 hinge, so its strain is constant" if found == 1 else "2 hinges, so its strain varies linearly"
             text = f"sensor.{sensor.name}: link {sensor.link!r} has only {course}; use 5 segments or more"
             yield Diagnostic(text, "few-hinges")
@@ -243,12 +240,6 @@ def _idle(link: Link) -> Iterator[tuple[str, object, str]]:
                 yield f"joint.{key}", value, f"the joint of {link.name!r} is locked"
 
 
-VISIBLE_DROP = 1e-4  # smallest drop of the tip that is reported, relative to the size of the arm
-MAX_JOINTS = 300  # number of joints above which eigenvalues take seconds and stability is not checked
-BALANCED = 2e-3
-"""Gravity torque below which a joint hardly moves, relative to the largest torque that the arm's weight can exert."""
-
-
 def is_free_fall(scene: Scene) -> bool:
     """Whether gravity acts and no joint is driven, held or braked."""
     free = [link.joint for link in scene.arm.links if not link.joint.locked]
@@ -269,7 +260,7 @@ def slack_springs(scene: Scene) -> Iterator[Diagnostic]:
     q = _angles(scene, chain)
     bent = q - deflections(chain, gravity_torque(chain, q))  # to first order
     drop = float(np.linalg.norm(tip_position(chain, bent) - tip_position(chain, q)))
-    if drop > VISIBLE_DROP * chain.size:
+    if drop > 1e-4 * chain.size:  # a smaller drop is hardly visible
         slack = f"initial.passive = 'zero', the default: the springs start slack while {fed} holds the joints"
         drops = f"so the tip drops by about {1e3 * drop:.3g} mm at t = 0 and swings; set initial.passive = 'static'"
         yield Diagnostic(f"{slack}, {drops}", "springs-start-slack")
@@ -339,7 +330,7 @@ def balance(scene: Scene) -> Iterator[Diagnostic]:
     if not (np.abs(gravity_torque(chain, q + 0.1)) > small).any():
         return  # gravity drives no joint in any configuration
     unstable = False
-    if chain.n <= MAX_JOINTS:
+    if chain.n <= 300:  # with more joints, eigenvalues take seconds
         K = stiffness_matrix(chain, q, np.zeros(chain.n), np.zeros(6))
         unstable = bool(np.isfinite(K).all() and np.linalg.eigvalsh(K)[0] < 0)
     how = "in unstable equilibrium and hardly moves for a long time" if unstable else "in equilibrium and stays there"
@@ -362,5 +353,5 @@ def _pulls(scene: Scene) -> tuple[Chain, list[tuple[int, int, float]]]:
 
 
 def _small(chain: Chain) -> Array:
-    """Load of gravity below which a joint hardly moves, (n,)."""
-    return np.asarray(BALANCED * chain.weight * np.where(chain.slides, 1.0, chain.size))
+    """Load of gravity below which a joint hardly moves, (n,): 0.2 % of the largest that the arm's weight can exert."""
+    return np.asarray(2e-3 * chain.weight * np.where(chain.slides, 1.0, chain.size))

@@ -59,8 +59,7 @@ ROUNDINGS = 10  # number of roundings at one hinge
 
 def of_mass_matrix(chain: Chain, q: ArrayLike) -> float:
     """Rounding error of each element of M(q), ε M* [kg m²]."""
-    inertia, *_ = _sizes(chain, q)
-    return _along(chain) * inertia
+    return _along(chain) * _sizes(chain, vector("q", q, chain.n))[0]
 
 
 def of_bias_torque(chain: Chain, q: ArrayLike, qd: ArrayLike, *, tip_wrench: ArrayLike | None = None) -> float:
@@ -158,7 +157,7 @@ def _along(chain: Chain) -> float:
 
 def _inertial(chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tip_wrench: ArrayLike | None) -> float:
     """M* (Σ|q̈| + ω²) + T_G* + T_W*: magnitude of the terms in the recursive Newton-Euler algorithm."""
-    inertia, weight, lever, axes = _sizes(chain, q)
+    inertia, weight, lever, axes = _sizes(chain, vector("q", q, chain.n))
     force = np.linalg.norm(wrench_vector(tip_wrench).reshape(2, 3), axis=1)
     rates, slides = vector("qd", qd, chain.n), chain.slides
     turned, own = rates[:, None] * axes, np.zeros((len(chain.bodies), 3))
@@ -172,15 +171,11 @@ def _inertial(chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tip_wre
     return float(inertia * turning + weight + force[0] * lever + force[1])
 
 
-def _sizes(chain: Chain, q: ArrayLike) -> tuple[float, float, float, Array]:
-    """M* [kg m²], T_G* [N m], the lever of a tip force [m], and the hinge axes (n, 3), in a configuration."""
-    return _sizes_at(chain, vector("q", q, chain.n).tobytes())
-
-
 @keep_last(64)  # all terms and all engines compared at a state use the same magnitudes
-def _sizes_at(chain: Chain, q: bytes) -> tuple[float, float, float, Array]:
+def _sizes(chain: Chain, q: Array) -> tuple[float, float, float, Array]:
+    """M* [kg m²], T_G* [N m], the lever of a tip force [m], and the hinge axes (n, 3), in a configuration."""
     bodies, mass = chain.bodies, chain.bodies["mass"]
-    rotations, points, axes = forward_kinematics(chain.arrays, np.frombuffer(q).copy())
+    rotations, points, axes = forward_kinematics(chain.arrays, q)
     centers = points + np.einsum("bij,bj->bi", rotations, bodies["center"])
     away = np.linalg.norm(points, axis=1)
     r = np.linalg.norm(centers - points[:, None], axis=2)  # r_ik, with hinge points in rows k and bodies in columns i
@@ -197,18 +192,13 @@ def _sizes_at(chain: Chain, q: bytes) -> tuple[float, float, float, Array]:
 # The following bounds are valid in all configurations: they assume that the arm is stretched out.
 
 
+@keep_last(16)
 def largest_loads(chain: Chain, qd: Array, wrench: Array) -> Array:
     """Magnitude of each hinge's load torque, shape (n,) [N m]: lever times weight with the arm stretched out.
 
     This magnitude bounds the torque in all configurations, since its terms cannot cancel. For sliding joints it is
     a force [N]. The result is read-only, and cached for all callers during a search for an equilibrium.
     """
-    return _largest_loads(chain, qd.tobytes(), wrench.tobytes())
-
-
-@keep_last(16)
-def _largest_loads(chain: Chain, rates: bytes, acting: bytes) -> Array:
-    qd, wrench = np.frombuffer(rates), np.frombuffer(acting)
     bodies, hinges = chain.bodies, chain.bodies["stop"] - chain.bodies["first"]
     Ω, V = np.abs(qd[~chain.slides]).sum(), np.abs(qd[chain.slides]).sum()
     spans = spans_of(chain.bodies)

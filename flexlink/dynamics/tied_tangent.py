@@ -17,16 +17,18 @@ import scipy
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import ArgumentError, Diagnostic
+from flexlink.common.errors import ArgumentError, ConvergenceError, Diagnostic
 from flexlink.common.products import cross
 from flexlink.common.types import Array, Indices
+from flexlink.describe.actions import Frame
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.derivatives import ForwardDerivatives
+from flexlink.dynamics.forces import turns_with_tip
 from flexlink.dynamics.free_motion import basis, restricted, sums_of_squares
 from flexlink.dynamics.placement import jacobian_columns
 from flexlink.dynamics.rounding import largest_load_stiffness
 from flexlink.dynamics.singularity import factored_mass
-from flexlink.dynamics.tangent import LoadedState, Stiffness, load_torque
+from flexlink.dynamics.tangent import LoadedState, Stiffness, load_torque, stiffness_matrix
 from flexlink.dynamics.terms import elastic_torque
 from flexlink.dynamics.ties import Ties, gaps, poses, springs, tie_rows
 from flexlink.kernels.stepping.tie_rows import KIND
@@ -81,8 +83,7 @@ class TiedState(NamedTuple):
         """
         N = B @ self.Z
         P = N @ np.linalg.solve(N.T @ M @ N, N.T @ M)
-        bent = np.linalg.lstsq(self.J[self.exact] @ B, self.bends[self.exact] @ qdd, rcond=1e-10)[0]
-        G = B @ bent
+        G = B @ np.linalg.lstsq(self.J[self.exact] @ B, self.bends[self.exact] @ qdd, rcond=1e-10)[0]
         dq, dqd = free.dq - free.dtau @ self.stiffness, free.dqd - free.dtau @ self.damping
         return ForwardDerivatives(P @ (dq + G) - G, P @ dqd, P @ free.dtau)
 
@@ -92,12 +93,7 @@ def tied_state(
 ) -> TiedState | None:
     """The ties of a scene at a posture at rest, under drive torques (n,); None without ties. λ are those of q̈.
 
-    Raises
-    ------
-    ArgumentError
-        The state has rates, or the ties allow no motion, which `moves`.
-    SceneError
-        As in `tie_rows`.
+    A state with rates, and with `moves` ties that allow no motion, are refused; other errors as in `tie_rows`.
     """
     ties = None if scene is None else tie_rows(scene, chain)
     if scene is None or ties is None:
@@ -177,3 +173,54 @@ def _bend(e: Array, v: Array, u: Array) -> Array:
     """u · ∂²p/∂q² (n, n)."""
     H = e @ cross(v, u).T
     return np.asarray(np.triu(H) + np.triu(H, 1).T)
+
+
+# Equilibrium of an arm with ties: Newton's method for q and the multipliers λ of exact rows, dense.
+#
+#     T_GC(q) + T_FL(q) + Jᵀ λ = T_EX     on all coordinates that are not held
+#     exact rows: g(q) = 0                springs: λ by their law at rest
+#
+# The matrix is K + Σ k Jᵀ J + Σ λ ∂J/∂q, bordered by J of the exact rows.
+
+
+def tied_equilibrium(
+    ties: Ties, chain: Chain, q: Array, held: Indices, wrench: Array, frame: Frame, t: float, tau: Array | float = 0.0
+) -> Array:
+    """The equilibrium (n,) near q with these joints held, under a tip wrench (6,), at time t [s] of lengths that move.
+
+    `tau` (n,): drive torques T_EX [N m]. If there is no stable equilibrium near q, it raises a ConvergenceError.
+    """
+    passes, largest, settled = 200, 0.1, 1e-12  # Newton steps; largest and last change of a coordinate [rad, m]
+    start, still = q, np.zeros(chain.n)
+    λ = np.zeros(len(ties[0]))
+    B = basis(chain, np.setdiff1d(chain.free, held))
+    exact, follower = np.isinf(ties[0]["stiffness"]), turns_with_tip(frame)
+    for _ in range(passes):
+        g, J, _ = gaps(ties, chain, q, t)
+        own, slopes = springs(ties, t, g, np.zeros(len(g)))
+        λ[~exact] = own[~exact]
+        torque = load_torque(chain, q, still, wrench, follower) + elastic_torque(chain, q) + J.T @ λ - tau
+        K = stiffness_matrix(chain, q, still, wrench, follower) + J.T @ (slopes[:, None] * J)
+        K += np.tensordot(λ, bends(ties, chain, q), 1)
+        reduced, border = B.T @ K @ B, J[exact] @ B
+        r, f, least = len(border), len(reduced), _least(reduced, border)
+        stable = least >= -1e-9 * np.abs(reduced).max(initial=0.0)
+        if not stable:  # away from unstable equilibria
+            reduced = reduced - 2.0 * least * np.eye(f)
+        stiff = np.abs(reduced).max(initial=0.0) or 1.0  # in these units rows near a singular posture are not lost
+        matrix = np.block([[reduced / stiff, border.T], [border, np.zeros((r, r))]])
+        right = -np.concatenate([B.T @ torque / stiff, g[exact]])
+        change = np.linalg.lstsq(matrix, right, rcond=1e-14)[0]
+        part = min(1.0, largest / max(np.abs(change[:f]).max(initial=0.0), 1e-300))
+        q, λ[exact] = q + part * (B @ change[:f]), λ[exact] + part * stiff * change[f:]
+        if stable and np.abs(change[:f]).max(initial=0.0) <= settled * max(1.0, chain.size):
+            return np.asarray(q)
+    why = f"{chain.name}: no stable equilibrium of the tied arm near its start; start nearer to it, or hold more joints"
+    remedy = "a run starts anywhere with initial.passive = 'zero'"
+    raise ConvergenceError(f"{why}; {remedy}", q=start, load=0.0, id="no-equilibrium")
+
+
+def _least(K: Array, J: Array) -> float:
+    """Least eigenvalue of K (f, f) on motions that exact rows J (r, f) allow; inf if they allow none."""
+    free = np.linalg.svd(J)[2][np.linalg.matrix_rank(J, tol=1e-9) :] if len(J) else np.eye(len(K))
+    return float(np.linalg.eigvalsh(free @ (K + K.T) @ free.T / 2.0).min(initial=np.inf))

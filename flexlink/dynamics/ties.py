@@ -33,17 +33,12 @@ Ties = tuple[Rows, MotionTable]
 CLOSED = 1e-9
 """Largest gap of a tie at the start, relative to the size of the arm, that rounding of its numbers explains."""
 PASSES = 50  # Newton steps to close the ties at the start
-ROUNDED = 1e-3
-"""Motion of a joint [rad, m] that explains a start with few digits; only larger ones are worth a warning."""
 
 
 def tie_rows(scene: Scene, chain: Chain) -> Ties | None:
     """The rows of all ties of a scene on its open chain, and the lengths that move; None if it has no ties.
 
-    Raises
-    ------
-    SceneError
-        The scene contains something that ties do not allow, or a tie is on a part that is fixed in frame 0.
+    What ties do not allow in a scene, and ties on a part that is fixed in frame 0, are refused.
     """
     if not scene.ties:
         return None
@@ -97,13 +92,10 @@ def _rows_of(tie: Tie, scene: Scene, chain: Chain) -> Rows:
     if tie.kind == "cylinder":
         _fill(rows, tie)
     if tie.on_joint:
-        k = scene.arm.number(tie.link or 0)
-        rows["kind"], rows["a"], rows["b"] = KIND.joint, chain.index(k, 0, 0), -1
+        rows["kind"], rows["a"], rows["b"] = KIND.joint, chain.index(scene.arm.number(tie.link or 0), 0, 0), -1
         if tie.to.link is not None:
-            rows["b"], rows["ratio"] = (
-                chain.index(scene.arm.number(tie.to.link), 0, 0),
-                1.0 if tie.ratio is None else tie.ratio,
-            )
+            rows["b"] = chain.index(scene.arm.number(tie.to.link), 0, 0)
+            rows["ratio"] = 1.0 if tie.ratio is None else tie.ratio
         if chain.held[[j for j in (rows["a"][0], rows["b"][0]) if j >= 0]].all():
             text = f"tie.{tie.name}: the motion of its joint is prescribed; leave the tie out"
             raise SceneError(text, id="tie-of-locked-joint")
@@ -215,12 +207,7 @@ def closed(ties: Ties, chain: Chain, q: Array, qd: Array, t: float) -> tuple[Arr
     """The state near q, q̇ (n,) in which all exact ties are closed; a warning names the joint that moved most.
 
     The driven joints and free joints move; springs only if these are not enough; prescribed joints never. Hinges with
-    shapes keep to them.
-
-    Raises
-    ------
-    SceneError
-        No state near this one closes the ties.
+    shapes keep to them. If no state near this one closes the ties, it raises a SceneError.
     """
     held = np.flatnonzero(np.isinf(ties[0]["stiffness"]))
     if not len(held):
@@ -248,7 +235,7 @@ def closed(ties: Ties, chain: Chain, q: Array, qd: Array, t: float) -> tuple[Arr
         if np.abs(J @ qd + moves).max() > near:
             qd = qd - B @ np.linalg.lstsq(J @ B, J @ qd + moves, rcond=least)[0]
     moved = np.abs(q - start)
-    if moved.max() > ROUNDED:
+    if moved.max() > 1e-3:  # [rad, m]; a start with few digits explains less
         k = int(moved.argmax())
         text = f"ties closed at the start: joint {chain.joint_name(k)!r} moved by {moved[k]:.3g} {chain.joint_units[k]}"
         warnings.warn(Diagnostic(f"{chain.name}: {text}", "ties-closed"), RuntimeWarning, stacklevel=4)

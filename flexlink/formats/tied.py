@@ -45,12 +45,7 @@ def spring_gains(scene: Scene, q: Array) -> Gains:
 def add_ties(root: ET.Element, chain: Chain, scene: Scene, *, timestep: float) -> None:
     """Add the ties of a scene to the MJCF of its open chain, for a time step [s].
 
-    Raises
-    ------
-    SceneError
-        MJCF has no element for a tie.
-    ArgumentError
-        A tie is on a segment without mass, which is not in the file.
+    Ties without an element in MJCF, or on a segment without mass, which is not in the file, are refused.
     """
     bare = lump(open_chain(scene))
     ties = tie_rows(scene, bare)

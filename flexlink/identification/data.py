@@ -16,7 +16,7 @@ from flexlink.chain.lumping import lump, open_chain
 from flexlink.common.errors import ArgumentError, DataFileError, Diagnostic, FlexlinkError, SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import did_you_mean, plural
-from flexlink.data.measured import Measured, measured_from, named, read_together
+from flexlink.data.csv_table import Measured, measured_from, named, read_together
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
 from flexlink.dynamics.placement import tip_position

@@ -22,8 +22,7 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, DataFileError
 from flexlink.common.types import Array, Complex
 from flexlink.common.wording import short_list
-from flexlink.data.csv_table import head_of, read_csv
-from flexlink.data.measured import named
+from flexlink.data.csv_table import head_of, named, read_csv
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
 from flexlink.dynamics.equilibrium import Equilibrium

@@ -73,8 +73,7 @@ class Balance:
     def compile(self, samples: tuple[Array, ...]) -> Callable[..., tuple[int, int]]:
         """Compile the check for samples in arrays of these types."""
         of_these = 0, 0, samples, self.chain.hinges, self.bounds, NOTHING, self.seen
-        compiled = functools.partial(direct, look_at, *of_these, types=self.kept.types)
-        return self.kept("look", None, compiled)
+        return self.kept("look", None, functools.partial(direct, look_at, *of_these, types=self.kept.types))
 
 
 def _bounds(chain: Chain, force: Array, insisted: bool, bend: float, near: float) -> Bounds:

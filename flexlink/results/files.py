@@ -1,4 +1,4 @@
-"""A run as a file and back, or as a table of pandas or xarray, which are imported only if they are used; formats."""
+"""A run as a file and back, or as a table of xarray, which is imported only if it is used; formats."""
 
 from __future__ import annotations
 
@@ -80,24 +80,12 @@ def _arrays(run: RunSamples) -> dict[str, Any]:
 TRAJECTORY = (".npz", ".csv"), "a trajectory"
 
 
-def _package(name: str) -> Any:
-    return imported(name, f"a run as a table of {name} needs {name};", "tables")
-
-
 def ending(path: Path, allowed: tuple[str, ...], what: str) -> str:
     """Suffix of a file to write, which must be allowed."""
     if path.suffix not in allowed:
         text = f"{str(path)!r}: unknown format; {what} is saved as {' or '.join(allowed)}"
         raise ArgumentError(text, id="unknown-format")
     return path.suffix
-
-
-def to_pandas(run: RunSamples) -> Any:
-    """`Columns(run)` as a DataFrame with the time as its index."""
-    columns = dict(Columns(run))
-    time = columns.pop("t [s]")
-    pandas = _package("pandas")
-    return pandas.DataFrame(columns, index=pandas.Index(time, name="t [s]"))
 
 
 def to_xarray(run: RunSamples) -> Any:
@@ -109,7 +97,7 @@ def to_xarray(run: RunSamples) -> Any:
     mixed = "m" in run.chain.joint_units
     units = ("rad or m", "rad/s or m/s", "N m or N") if mixed else ("rad", "rad/s", "N m")
     per_joint = zip(("q", "qd", "tau"), (run.q, run.qd, run.tau), units, strict=True)
-    return _package("xarray").Dataset(
+    return imported("xarray", "a run as a table of xarray needs xarray;", "tables").Dataset(
         {
             **{name: (("time", "joint"), values, {"units": unit}) for name, values, unit in per_joint},
             "tip": (("time", "axis"), run.tip, {"units": "m"}),

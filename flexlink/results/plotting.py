@@ -1,25 +1,26 @@
-"""Plots of trajectories and modes; this module needs matplotlib, so it is imported only for plotting."""
+"""Plots of trajectories, modes and loops; this module needs matplotlib, so it is imported only for plotting."""
 
 from __future__ import annotations
 
+import io
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar, cast
 
+import matplotlib as mpl
 import numpy as np
+from matplotlib.figure import Figure
 
 from flexlink.chain.arguments import require_one_of, sequence
 from flexlink.chain.coordinates import Kind
 from flexlink.chain.layout import as_lines
 from flexlink.common.errors import ArgumentError
-from flexlink.common.types import Array
+from flexlink.common.types import Array, Complex
 from flexlink.common.wording import plural
 from flexlink.dynamics.forces import has_potential
 from flexlink.pages.colours import BLUE, CYCLE, GREEN, GREY, INK, VERMILION
 from flexlink.results.convergence import resolved
-from flexlink.results.notebook_figure import NotebookFigure as Figure
-from flexlink.results.notebook_figure import literal
 from flexlink.results.pictures.view import view_of_motion
 
 if TYPE_CHECKING:
@@ -32,18 +33,34 @@ if TYPE_CHECKING:
 
     Draw = Callable[[Axes], None]
 
+Drawing = TypeVar("Drawing", bound=Callable[..., object])
+
+
+def literal(draw: Drawing) -> Drawing:
+    """Let a function that draws show every `$` in a name as a `$`, not as the start of mathematics."""
+    return cast(Drawing, mpl.rc_context({"text.parse_math": False})(draw))
+
+
+class NotebookFigure(Figure):  # type: ignore[misc]  # mypy does not read matplotlib's types
+    """A figure that pyplot does not manage, since pyplot would draw it again at the end of the cell."""
+
+    def _repr_png_(self) -> bytes:
+        picture = io.BytesIO()
+        self.savefig(picture, format="png")
+        return picture.getvalue()
+
 
 @literal
 def plot_trajectory(
     run: Trajectory, what: str | Sequence[str] | None = None, ax: Axes | Sequence[Axes] | None = None
-) -> Figure:
+) -> NotebookFigure:
     """Plot `panels` and columns of a run against time, as `Trajectory.plot` describes."""
     colours = (*CYCLE, GREY, INK)  # each curve of a legend has a different colour
     panel_height = 1.9  # [in]
     shown = _chosen(run, what)
     beside = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0), "borderaxespad": 0.0} if ax is None else {}
     if ax is None:
-        figure = Figure(figsize=(8.4, panel_height * len(shown) + 0.7), layout="constrained")
+        figure = NotebookFigure(figsize=(8.4, panel_height * len(shown) + 0.7), layout="constrained")
         ax = figure.subplots(len(shown), 1, sharex=True, squeeze=False)
         figure.suptitle(run.chain.name)
     axes = np.ravel(ax)
@@ -56,7 +73,7 @@ def plot_trajectory(
         panel.grid(alpha=0.3)
         panel.legend(fontsize="small", **beside)
     axes[-1].set_xlabel("time [s]")
-    drawn: Figure = axes[0].figure
+    drawn: NotebookFigure = axes[0].figure
     return drawn
 
 
@@ -67,7 +84,8 @@ def _chosen(run: Trajectory, what: str | Sequence[str] | None) -> list[Draw]:
         there.setdefault(name, []).append(draw)
     names = list(there) if what is None else [what] if isinstance(what, str) else sequence("what", what, "str")
     columns = run.columns
-    drawn = ([partial(_column, run=run, name=n)] if n in columns else require_one_of("what", n, there) for n in names)
+    own = {n: [partial(_lines, run=run, names=[n], values=columns[n][:, None])] for n in names if n in columns}
+    drawn = (own.get(n) or require_one_of("what", n, there) for n in names)
     return list(itertools.chain.from_iterable(drawn))
 
 
@@ -87,8 +105,8 @@ def panels(run: RunSamples) -> Iterator[tuple[str, Draw]]:
             yield name, partial(_curves, run=run, joints=joints, values=values, label=COORDINATES[name, unit.si])
     springs = bool(chain.stiffness.any()) or has_potential(chain)
     there = (
-        ("base", partial(_position, points=run.q, label="base, frame 0 [m]"), chain.has_free_base),
-        ("tip", partial(_position, points=run.tip, label="tip, frame 0 [m]"), True),
+        ("base", partial(_lines, names="xyz", values=run.q, label="base, frame 0 [m]"), chain.has_free_base),
+        ("tip", partial(_lines, names="xyz", values=run.tip, label="tip, frame 0 [m]"), True),
         ("energy", exchanged_energy, True),
         ("elastic", elastic_energy, springs), ("balance", imbalance, run.work is not None),
     )  # fmt: skip
@@ -99,10 +117,10 @@ def panels(run: RunSamples) -> Iterator[tuple[str, Draw]]:
             yield "drives", partial(_curves, run=run, joints=joints, values=run.drive_torques[:, joints], label=label)
 
 
-def _position(panel: Axes, run: RunSamples, points: Array, label: str) -> None:
-    """Plot the coordinates of a point in frame 0."""
-    for k, axis in enumerate("xyz"):
-        panel.plot(run.t, points[:, k], label=axis)
+def _lines(panel: Axes, run: RunSamples, names: Sequence[str], values: Array, label: str = "") -> None:
+    """Plot the first columns of values (samples, …) with these names."""
+    for name, column in zip(names, values.T, strict=False):
+        panel.plot(run.t, column, label=name)
     panel.set_ylabel(label)
 
 
@@ -128,12 +146,12 @@ def imbalance(panel: Axes, run: RunSamples) -> None:
 
 
 @literal
-def plot_modes(found: Modes, chain: Chain, count: int = 8) -> Figure:
+def plot_modes(found: Modes, chain: Chain, count: int = 8) -> NotebookFigure:
     """Plot mode shapes as displaced arms, one panel per mode, each in the view that shows its motion best."""
     shown = min(count, len(found.eigenvalues))
     reach = np.ptp(found.points, axis=0).max() or 1.0
     rows = -(-shown // 2)
-    figure = Figure(figsize=(7.2, 3.0 * rows + 0.6), layout="constrained")
+    figure = NotebookFigure(figsize=(7.2, 3.0 * rows + 0.6), layout="constrained")
     fine = resolved(found, chain)
     note = "" if all(fine[:shown]) else "\ndashed: fewer than two hinges per half-wave"
     figure.suptitle(f"{chain.name}: mode shapes, amplitude not to scale{note}")
@@ -156,11 +174,6 @@ def plot_modes(found: Modes, chain: Chain, count: int = 8) -> Figure:
     return figure
 
 
-def _column(panel: Axes, run: Trajectory, name: str) -> None:
-    """Plot a column of the run."""
-    panel.plot(run.t, run.columns[name], label=name)
-
-
 def _curves(panel: Axes, run: RunSamples, joints: list[int], values: Array, label: str) -> None:
     """Plot one column of values per joint."""
     legend_entries = 8  # more entries do not fit next to a panel
@@ -170,3 +183,66 @@ def _curves(panel: Axes, run: RunSamples, joints: list[int], values: Array, labe
     if len(joints) > legend_entries:
         label += f"\n(first {legend_entries} of {len(joints)} named)"
     panel.set_ylabel(label)
+
+
+def plot_bode(hertz: Array, L: Complex, title: str) -> NotebookFigure:
+    """Magnitude and phase of a loop broken at one input."""
+    figure = NotebookFigure(figsize=(7.0, 5.6), layout="constrained")
+    size, phase = figure.subplots(2, 1, sharex=True)
+    size.loglog(hertz, np.abs(L), color=BLUE)
+    size.axhline(1.0, color=GREY, linewidth=0.8)
+    size.set_ylabel("|L|")
+    phase.semilogx(hertz, np.degrees(np.unwrap(np.angle(L))), color=BLUE)
+    phase.axhline(-180.0, color=GREY, linewidth=0.8)
+    phase.set_ylabel("phase [deg]")
+    phase.set_xlabel("frequency [Hz]")
+    figure.suptitle(f"loop broken at {title}", parse_math=False)  # numbers on log axes are mathematics
+    for panel in (size, phase):
+        panel.grid(alpha=0.3)
+    return figure
+
+
+@literal
+def plot_nyquist(hertz: Array, L: Complex, title: str) -> NotebookFigure:
+    """The loop in the complex plane near −1; `hertz` is not drawn."""
+    figure = NotebookFigure(figsize=(6.0, 6.0), layout="constrained")
+    panel = figure.subplots()
+    panel.plot(L.real, L.imag, color=BLUE, label="L")
+    panel.plot(L.real, -L.imag, color=BLUE, linewidth=0.8, linestyle="--", label="negative frequencies")
+    panel.plot(-1.0, 0.0, "+", color=VERMILION, markersize=12, label="−1")
+    _circle(panel)
+    panel.set(xlim=(-3.0, 3.0), ylim=(-3.0, 3.0), aspect="equal", xlabel="Re L", ylabel="Im L")
+    panel.grid(alpha=0.3)
+    panel.legend(loc="upper right", fontsize="small")
+    figure.suptitle(f"loop broken at {title}, {hertz[0]:.3g} … {hertz[-1]:.3g} Hz")
+    return figure
+
+
+@literal
+def plot_poles(
+    poles: Sequence[Sequence[complex]], *, sampled: bool, title: str, values: Sequence[float] = ()
+) -> NotebookFigure:
+    """Poles z inside or outside the unit circle, or s left or right of the axis; a root locus if there are `values`."""
+    figure = NotebookFigure(figsize=(6.6, 6.0), layout="constrained")
+    panel = figure.subplots()
+    own = values or [float(k) for k in range(len(poles))]
+    z = np.concatenate([np.asarray(each, complex) for each in poles])
+    colour = np.concatenate([np.full(len(each), value) for each, value in zip(poles, own, strict=True)])
+    both, colours = np.concatenate([z, z.conj()]), np.concatenate([colour, colour])
+    dots = panel.scatter(both.real, both.imag, c=colours if values else BLUE, s=14, cmap="viridis", zorder=3)
+    if values:
+        figure.colorbar(dots, ax=panel, label=title)
+    if sampled:
+        _circle(panel)
+        panel.set(aspect="equal", xlabel="Re z", ylabel="Im z")
+    else:
+        panel.axvline(0.0, color=GREY, linewidth=0.8)
+        panel.set(xlabel="Re s [1/s]", ylabel="Im s [1/s]")
+    panel.grid(alpha=0.3)
+    figure.suptitle("poles of the closed loop" if values else title, fontsize="small")
+    return figure
+
+
+def _circle(panel: object) -> None:
+    φ = np.linspace(0.0, 2 * np.pi, 361)
+    panel.plot(np.cos(φ), np.sin(φ), color=GREY, linewidth=0.8)  # type: ignore[attr-defined]

@@ -124,9 +124,8 @@ class Record:
     def least_tolerance(self) -> float:
         """Smallest tolerance [m] that rounding errors allow, for the arm's size and its initial angles."""
         if not self._least:
-            # a tolerance must exceed the sum of this number of rounding errors of the tip position, one per step
-            roundings = 200.0
-            self._least = roundings * rounding.of_reach(self.chain.size, max(map(abs, self.q[0].tolist())))
+            # a tolerance must exceed the sum of 200 rounding errors of the tip position, one per step
+            self._least = 200.0 * rounding.of_reach(self.chain.size, max(map(abs, self.q[0].tolist())))
         return self._least
 
     @property
@@ -159,8 +158,7 @@ class Record:
         if self.problem.ties is not None:
             from flexlink.dynamics.tied_motion import add_torques_of_ties  # noqa: PLC0415  few scenes have ties
 
-            wrench = self.inputs.tip_wrenches(t, q, qd)
-            add_torques_of_ties(self.problem.ties, self.chain, t, q, qd, tau, wrench)
+            add_torques_of_ties(self.problem.ties, self.chain, t, q, qd, tau, self.inputs.tip_wrenches(t, q, qd))
 
     def work(self, rows: slice) -> Array:
         """Work done up to these samples [J]: the integrated work plus f·(p − p(0)) of a constant force f on the tip."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import positive, real, vector
-from flexlink.common.errors import ArgumentError
+from flexlink.common.errors import ArgumentError, imported
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.output import write_whole
 from flexlink.common.types import Array
@@ -145,9 +145,8 @@ class Trajectory(RunSamples):
         >>> print(table["tip y [m]"].max().round(3), table.index.name)
         0.884 t [s]
         """
-        from flexlink.results.files import to_pandas  # noqa: PLC0415
-
-        return to_pandas(self)
+        pandas = imported("pandas", "a run as a table of pandas needs pandas;", "tables")
+        return pandas.DataFrame(dict(self.columns)).set_index("t [s]")
 
     def to_xarray(self) -> Any:
         """All samples as an xarray.Dataset: q, qd, tau (time, joint), tip (time, axis), energies (time), with units.

@@ -20,9 +20,9 @@ from flexlink.dynamics.ties import poses
 from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
 from flexlink.pages.style import WIDTH, legend_over
-from flexlink.results.notebook_figure import NotebookFigure as Figure
-from flexlink.results.notebook_figure import literal
 from flexlink.results.pictures.view import View, views_of
+from flexlink.results.plotting import NotebookFigure as Figure
+from flexlink.results.plotting import literal
 
 
 def plot_scene(scene: Scene) -> Figure:

@@ -19,7 +19,7 @@ import scipy
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
-from flexlink.data.measured import Measured
+from flexlink.data.csv_table import Measured
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.rounding import EPS, ROUNDINGS
 from flexlink.identification.fit import quick_estimates

@@ -28,9 +28,8 @@ from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.side_by_side import Block
 from flexlink.results.record import trajectory_from_states
 from flexlink.sweeps.measures import DEFLECTION, MEASURES
-from flexlink.sweeps.merge import take_parts
 from flexlink.sweeps.plan import Plan, Sweep, fingerprint, version
-from flexlink.sweeps.store import Store
+from flexlink.sweeps.store import Store, take_parts
 from flexlink.sweeps.table import SweepRows
 from flexlink.sweeps.worker import Row, failed_row, goes_side_by_side, handshake, rows_of
 from flexlink.sweeps.workers import MAX_WORKERS, WorkerPool, pool_of

@@ -39,8 +39,7 @@ class SweepRows:
 
     def column(self, name: str) -> list[Any]:
         """Return a column by its name."""
-        k = self.columns.index(name)
-        return [row[k] for row in self.rows]
+        return [row[self.columns.index(name)] for row in self.rows]
 
     @property
     def failed(self) -> dict[int, str]:

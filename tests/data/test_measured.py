@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flexlink as fl
-from flexlink.data.measured import Measured, read_measured
+from flexlink.data.csv_table import Measured, read_measured
 from flexlink.scene_report.fitting import Comparison, numbers_of
 from tests.conftest import ROOT
 from tests.support.words import refused, reviewed

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import flexlink as fl
-from flexlink.data.measured import read_measured
+from flexlink.data.csv_table import read_measured
 from flexlink.describe.sensor import Sensor
 from flexlink.dynamics.notes import notes
 from flexlink.dynamics.sensors.instrument import Instrument, Signal, coarse_samples, noise

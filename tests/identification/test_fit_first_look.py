@@ -12,7 +12,7 @@ import pytest
 
 import flexlink as fl
 from flexlink.cli.main import main
-from flexlink.data.measured import measured_from
+from flexlink.data.csv_table import measured_from
 from flexlink.identification.block import Block, Colour
 from flexlink.identification.coordinates import Coordinate, coordinate_of, hints_on_bounds, unit_of
 from flexlink.identification.fitted import Estimate

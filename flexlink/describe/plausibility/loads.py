@@ -16,8 +16,6 @@ from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Vector3
 
-BRISK = 100.0  # plausible angular acceleration of a rotor [rad/s²]
-
 
 def of_places(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
     """Hints on offsets more than 20 times as long as the arm, and on centres of mass beyond three times its reach."""
@@ -79,7 +77,7 @@ def of_joints(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
             sag, name = about.pull * moved / stiffness, "gear_slip" if joint.slides else "gear_sag"
             detail = f" {sag:.2g} {kind.si}"
             yield from hint_if_outside(f"{path}.joint.gear_stiffness", stiffness, name, sag, -1.0, detail)
-        usual = 9.81 * moved + BRISK * joint.armature
+        usual = 9.81 * moved + 100.0 * joint.armature  # with a rotor that accelerates by 100 rad/s²
         for key, row in torques if moved > 0 else ():
             yield from hint_if_outside(arm.path(k + 1, key), row[k], kind.load, abs(row[k]) / usual)
     if drive.rate is not None:

@@ -8,15 +8,13 @@ import math
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.common.memo import Memo
+from flexlink.common.memo import keep_last
 from flexlink.common.types import Array
 from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.kernels.forward.mass_plus_plane import PlanePosture, plane_posture
 from flexlink.kernels.forward.mass_plus_shapes import ShapedPosture, shaped_posture
 from flexlink.kernels.forward.mass_plus_space import SpacePosture, space_posture
 from flexlink.kernels.forward.power_iteration import largest_eigenvalue, smallest_square
-
-FOUND = Memo(256)  # cache of frequencies by chain and configuration, shared by the runs of one scene
 
 PASSES = 30  # largest number of power iterations
 CLOSE = 1e-2
@@ -31,6 +29,7 @@ def inertia_alone(chain: Chain) -> Chain:
     return dataclasses.replace(chain, hinges=hinges, gravity=np.zeros(3), couplings=chain.couplings[:0])
 
 
+@keep_last(256)  # runs of one scene share frequencies
 def slowest_frequency(chain: Chain, q: Array) -> float:
     """Lowest natural frequency due to springs [rad/s]; joints without springs are free, and gravity is ignored.
 
@@ -38,24 +37,22 @@ def slowest_frequency(chain: Chain, q: Array) -> float:
     inertia while the joints a without springs are free. M_aa is singular if a stretched arm moves only a point mass.
     The result is inf if no joint has a spring, or if the sprung mass is below the rounding error.
     """
-    return FOUND.calling(_slowest_frequency, chain, q)
-
-
-def _slowest_frequency(chain: Chain, q: Array) -> float:
     square = smallest_square(chain.arrays, q, PASSES, CLOSE)
     if math.isnan(square):  # a torque is beyond float64: raise an error that names it
         inverse_dynamics(inertia_alone(chain), q, np.zeros(chain.n), (chain.stiffness > 0) * 1.0)
     return math.sqrt(square) if square > 0 else math.inf
 
 
+@keep_last(256)
 def fastest_frequency(chain: Chain, q: Array) -> float:
     """Highest natural frequency due to springs [rad/s], from below; 0 without springs, inf without inertia."""
-    return FOUND.calling(fastest_of, chain, q, chain.stiffness, np.zeros(chain.n))[0]
+    return fastest_of(chain, q, chain.stiffness, np.zeros(chain.n))[0]
 
 
+@keep_last(256)
 def fastest_decay(chain: Chain, q: Array) -> float:
     """Highest decay rate due to dampers [1/s], from D φ = δ M φ, estimated from below."""
-    return FOUND.calling(fastest_of, chain, q, np.zeros(chain.n), chain.damping)[1]
+    return fastest_of(chain, q, np.zeros(chain.n), chain.damping)[1]
 
 
 Posture = PlanePosture | SpacePosture | ShapedPosture

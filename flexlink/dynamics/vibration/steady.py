@@ -28,11 +28,6 @@ from flexlink.dynamics.tangent import LoadedState, load_torque, stiffness_matrix
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.dynamics.vibration.modal import Modes, modes
 
-LATER = 1.0, 2.5
-"""Distances along the motion at which steadiness is checked [rad]; for sliding joints as multiples of arm length."""
-SAME = 1e-9
-"""Largest change of torques, M and K that counts as a rounding error, relative to the magnitude of their terms."""
-
 
 def modes_in_motion(
     chain: Chain, rates: Mapping[str, float], q: ArrayLike | None = None, *, tip_wrench: ArrayLike | None = None,
@@ -167,9 +162,9 @@ def _check_steady(chain: Chain, steady: LoadedState) -> None:
     step = steady.qd / np.abs(steady.qd / rounding.scales(chain)).max()
     now = _scaled_terms(chain, steady.q, steady)
     terms = "the torques on", "the inertia of", "the stiffness of"
-    for far in LATER:
+    for far in (1.0, 2.5):  # along the motion [rad]; of sliding joints as multiples of the arm's length
         for what, before, after in zip(terms, now, _scaled_terms(chain, steady.q + far * step, steady), strict=True):
-            if np.abs(after - before).max() > SAME:
+            if np.abs(after - before).max() > 1e-9:  # more than rounding errors
                 moving = ", ".join(chain.joint_name(int(k)) for k in np.flatnonzero(steady.qd))
                 why = f"it changes {what} the free joints, for example under gravity or a load across a shaft"
                 remedy = "; turn about the axis of gravity, or set gravity = [0, 0, 0]" * ("torques" in what)
@@ -209,10 +204,7 @@ def first_elastic_frequency(
     if not (chain.stiffness[~chain.held] > 0).any():
         return np.nan
     rest = rest_of(chain, q, tip_wrench=tip_wrench, frame=frame)
-    few = modes_at_rest(chain, rest, tip_wrench=tip_wrench, frame=frame, count=FEW).first_elastic_hertz
-    if np.isfinite(few):
+    few = modes_at_rest(chain, rest, tip_wrench=tip_wrench, frame=frame, count=8).first_elastic_hertz
+    if np.isfinite(few):  # for a long chain, all modes cost much more
         return few
     return modes_at_rest(chain, rest, tip_wrench=tip_wrench, frame=frame).first_elastic_hertz
-
-
-FEW = 8  # number of modes computed first; for a long chain this is much cheaper than computing all of them

@@ -77,7 +77,7 @@ def state_under(inputs: Inputs, scene: Scene, chain: Chain, ties: Ties | None = 
     if ties is not None:
         q, qd = closed(ties, chain, q, qd, initial.time)
     if initial.passive == "static" and ties is not None:
-        from flexlink.dynamics.tied_equilibrium import tied_equilibrium  # noqa: PLC0415  statics
+        from flexlink.dynamics.tied_tangent import tied_equilibrium  # noqa: PLC0415  statics
 
         wrench, frame = wrench_at(inputs, initial.time)
         q = tied_equilibrium(ties, chain, q, held_joints(inputs, scene), wrench, frame, initial.time)

@@ -201,7 +201,7 @@ class Loop:
             matplotlib is not installed.
         """
         require_one_of("kind", kind, dict.fromkeys(("bode", "nyquist", "poles")))
-        drawing = drawing_module("results.pictures.loop")
+        drawing = drawing_module("results.plotting")
         if kind == "poles":
             return drawing.plot_poles([[pole.z for pole in self.poles]], sampled=bool(self.rate), title=repr(self))
         L = Response(self._open, self.law, self._number(input))

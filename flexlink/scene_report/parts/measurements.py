@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from flexlink.common.wording import plural
-from flexlink.data.measured import read_measured
+from flexlink.data.csv_table import read_measured
 from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
 from flexlink.pages.numbers import number, percent
 from flexlink.pages.part import Part
