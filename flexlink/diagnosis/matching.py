@@ -67,8 +67,7 @@ def match_joints(ours: ReadBack, theirs: ReadBack) -> Match | tuple[str, str]:
     record = theirs.in_order(order, bodies, **own)
     positions = None if sequence is None else np.argsort(sequence)[order]
     if is_tree:
-        parents = np.append(np.argsort(order), -1)[theirs.parents[order]]
-        elsewhere = parents != ours.parents
+        elsewhere = np.append(np.argsort(order), -1)[theirs.parents[order]] != ours.parents
         positions = None if elsewhere.any() else np.arange(ours.n)
     else:
         elsewhere = np.full(ours.n, True) if positions is None else positions != np.arange(ours.n)
