@@ -297,13 +297,11 @@ class Allocation:
         constants = {k: self._correction * self.link_errors.constant(k) for k in self.link_errors.bending}
         if not all(map(math.isfinite, constants.values())):  # the run that measures a constant failed
             return None
-        p, family = self.link_errors.order, FAMILIES[self.link_errors.family]
+        p, family, rules = self.link_errors.order, FAMILIES[self.link_errors.family], self.link_errors.refinement.family
         shape = {k: (constant / len(axes[k])) ** (1 / (p + 1)) for k, constant in constants.items()}
-        total = sum(constants[k] / shape[k] ** p for k in shape if shape[k])
-        scale = (total / allowed) ** (1 / p)
+        scale = (sum(constants[k] / shape[k] ** p for k in shape if shape[k]) / allowed) ** (1 / p)
         hinges = {k: family.rounded_up(max(1, math.ceil(scale * size))) for k, size in shape.items()}
         while max(hinges.values()) <= most:
-            rules = self.link_errors.refinement.family
             model = tuple(by_rule(flex, hinges.get(k, 0), rules) for k, flex in enumerate(axes))
             if self._error(model) <= allowed:
                 return model
@@ -315,8 +313,7 @@ class Allocation:
         for k, bend in enumerate(model):
             if bend:
                 counts = FAMILIES[self.link_errors.family].fewer(bend.hinges)
-                rules = self.link_errors.refinement.family
-                options = [by_rule(bend.flex, count, rules) for count in counts]
+                options = [by_rule(bend.flex, count, self.link_errors.refinement.family) for count in counts]
                 options += [bend._replace(flex=flex) for flex in self.link_errors.axes(k) if len(flex) < len(bend.flex)]
                 yield from ((*model[:k], option, *model[k + 1 :]) for option in options)
 

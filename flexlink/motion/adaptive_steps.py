@@ -27,8 +27,7 @@ if TYPE_CHECKING:
     from flexlink.motion.sampled_control import Control
 
 
-NEAR = 1e-9
-"""Fraction of the sampling interval within which two times count as equal."""
+NEAR = 1e-9  # fraction of the sampling interval within which two times count as equal
 
 
 class AdaptiveSteps(MethodSteps):

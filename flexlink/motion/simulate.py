@@ -273,8 +273,7 @@ def _end_of(after: Trajectory, q0: ArrayLike | None, qd0: ArrayLike | None, t0: 
     return require_type("after", after, Trajectory).state(-1)
 
 
-PROBLEMS = Memo(16)
-"""Cache of prepared problems by scene and run settings, for scenes that are simulated repeatedly."""
+PROBLEMS = Memo(16)  # cache of prepared problems by scene and run settings, for scenes that are simulated repeatedly
 
 
 def problem_with(scene: Scene, settings: dict[str, object]) -> Problem:

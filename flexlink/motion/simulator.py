@@ -31,8 +31,7 @@ from flexlink.results.samples import State
 from flexlink.results.stop_reasons import DivergenceError, Failure, ended_early
 from flexlink.results.tip_motion import apart, compared_path
 
-OFTEN = 128
-"""Calls of `step` between two checks of the power balance; the first checks are at calls 1, 2, 4, …"""
+OFTEN = 128  # calls of `step` between two checks of the power balance; the first checks are at calls 1, 2, 4, …
 
 
 class Simulator:

@@ -35,12 +35,9 @@ from flexlink.results.stop_reasons import InterruptedRunError
 from flexlink.results.trajectory import Trajectory
 
 Value = TypeVar("Value")
-Places = tuple[int, ...]
-"""Multiples of the step at which a function is evaluated around a point."""
-CENTRAL: Places = (-1, 1)
-"""Central differences with a second-order error."""
-CENTRAL_4: Places = (-2, -1, 1, 2)
-"""Central differences with a fourth-order error."""
+Places = tuple[int, ...]  # multiples of the step at which a function is evaluated around a point
+CENTRAL: Places = (-1, 1)  # central differences with a second-order error
+CENTRAL_4: Places = (-2, -1, 1, 2)  # central differences with a fourth-order error
 FORWARD: Places = (1, 2)
 """One-sided differences with a second-order error, for a lower bound; mirrored for an upper bound."""
 
@@ -90,23 +87,11 @@ def neighbours(
     many: Callable[[Sequence[Array]], Sequence[Value | FlexlinkError]], x: Array, steps: Array, at: Sequence[Places],
     one_sided: Places = FORWARD,
 ) -> tuple[Value, list[Neighbours[Value] | FlexlinkError]]:  # fmt: skip
-    """Evaluate a function at x and at its neighbours along each coordinate, all in one call of `many`.
+    """Evaluate a function at a point x (p,) and at its neighbours along each coordinate, all in one call of `many`.
 
-    Parameters
-    ----------
-    many
-        The function, which takes several points at once and returns a value or an error for each.
-    x, steps
-        The point (p,), and the step along each coordinate (p,); 0: no neighbours.
-    at
-        Neighbours along each coordinate.
-    one_sided
-        Neighbours to try instead, or their mirror images, if the function fails at one of the neighbours `at`.
-
-    Raises
-    ------
-    FlexlinkError
-        There is no value at x.
+    `many` takes several points and returns a value or an error for each; an error at x is raised. `steps` (p,) are the
+    distances along the coordinates, 0: no neighbours, and `at` the neighbours in these units. If the function fails at
+    one of them, `one_sided` neighbours or their mirror images are tried instead.
     """
     varied = [k for k in range(len(x)) if steps[k]]
     middle, *beside = many([x, *(moved(x, k, place * steps[k]) for k in varied for place in at[k])])
@@ -175,14 +160,9 @@ class RunSlopes(NamedTuple):
 
 
 def slopes_of_runs(scene: Scene, paths: Sequence[str]) -> RunSlopes:
-    """A run, and runs with slightly changed parameters at `paths`; the changes keep the estimated error small.
+    """A run, and runs with slightly changed parameters at `paths`; errors as in `sensitivities`.
 
-    Raises
-    ------
-    ArgumentError
-        There is no such parameter, it is a run setting, or the scene does not run at a neighbouring value.
-    SceneError, UnstableStepError, DivergenceError, InterruptedRunError
-        As in `simulate`.
+    The changes keep the estimated error small.
     """
     x = np.array([_number(scene, path) for path in paths])
     runs = _Runs(scene, paths, x)
@@ -252,15 +232,7 @@ class _Runs:
         self._variants = [Variants(self.plain, [path]) for path in paths]
 
     def many(self, points: Sequence[Array]) -> list[Trajectory | FlexlinkError]:
-        """Runs at several points; in the first call these points include the scene's own values.
-
-        Raises
-        ------
-        InterruptedRunError
-            Ctrl-C or SIGTERM.
-        SceneError, UnstableStepError, DivergenceError
-            From the scene's own run.
-        """
+        """Runs at several points; in the first call these include the scene's own, whose error is raised."""
         new = () if self.known else self.starts
         numbers = [next(iter(np.flatnonzero(x != self.x).tolist()), None) for x in points]
         scenes = [None if k is None else self._scene(k, float(x[k])) for k, x in zip(numbers, points, strict=True)]

@@ -27,8 +27,7 @@ def with_own_limits(inputs: Inputs) -> Inputs:
     return inputs._replace(drive=drive._replace(limits=drive.limits.copy()))
 
 
-LONGEST = Memo(16)
-"""Cache of stable steps, which a run and those that it is compared with share."""
+LONGEST = Memo(16)  # cache of stable steps, which a run and those that it is compared with share
 
 
 def longest_step(name: str, record: Record, span: float, t: float, state: tuple[Array, ...]) -> float:

@@ -32,15 +32,7 @@ from flexlink.motion.inputs.references import constant, held_knots, pieces_of, r
 
 
 def drive_arrays(scene: Scene, chain: Chain) -> Drive:
-    """The scene's drive; a drive without joints if the scene has none.
-
-    Raises
-    ------
-    SceneError
-        The torques change by more than float64 can represent.
-    ConvergenceError
-        gravity = "static", and the arm has no equilibrium at the reference.
-    """
+    """The scene's drive; a drive without joints if it has none; errors as in `pieces_of` and `holding_torque`."""
     # function that builds the arrays, by kind of drive
     laws = {"constant": _table, "table": _table, "pd": _pd, "computed_torque": _computed_torque, "cascade": _cascade}
     kind = scene.drive.kind if len(chain.active) else "none"
@@ -53,8 +45,7 @@ def drive_arrays(scene: Scene, chain: Chain) -> Drive:
     return law if scene.drive.rate is None else _sampled(scene, law)
 
 
-TORQUES = Memo(64)
-"""Cache of torque tables by drive and driven joints, shared by variants of an arm."""
+TORQUES = Memo(64)  # cache of torque tables by drive and driven joints, shared by variants of an arm
 
 
 def drive_of(joints: Indices, **parts: Any) -> Drive:

@@ -26,10 +26,7 @@ from flexlink.motion.inputs.references import pieces_of
 def tip_arrays(scene: Scene, chain: Chain) -> tuple[PiecewisePolynomial, PiecewisePolynomial]:
     """Reference and feedforward torques of the driven joints with which the tip follows the drive's reference.
 
-    Raises
-    ------
-    SceneError, ConvergenceError
-        As in `invert`; or the torques would begin before t = 0, or the arm does not start at rest on the path.
+    Errors are as in `invert`; or the torques would begin before t = 0, or the arm does not start at rest on the path.
     """
     joints, times, torques = TIPS(scene, (), lambda: _tip_arrays(scene, chain))
     return (
@@ -38,8 +35,7 @@ def tip_arrays(scene: Scene, chain: Chain) -> tuple[PiecewisePolynomial, Piecewi
     )
 
 
-TIPS = Memo(16)
-"""Cache of computed tip motions by scene."""
+TIPS = Memo(16)  # cache of computed tip motions by scene
 
 
 def _tip_arrays(scene: Scene, chain: Chain) -> tuple[ReferenceTrajectory, Array, Array]:
@@ -110,18 +106,12 @@ TO_POWERS = np.linalg.inv(np.vander(NODES, increasing=True))
 def holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
     """Torque of the driven joints that keeps the arm in equilibrium along its reference, as polynomials in time [N m].
 
-    Each polynomial passes through six equilibria (`static_postures`); large rotations need more pieces.
-
-    Raises
-    ------
-    ConvergenceError
-        The arm has no equilibrium somewhere along the reference.
+    Each polynomial passes through six equilibria, with the errors of `static_postures`; large rotations need more.
     """
     return PiecewisePolynomial(*(part.copy() for part in TORQUES.calling(_holding_torque, chain, target)))
 
 
-TORQUES = Memo(16)
-"""Cache of holding torques by chain and reference, as each requires hundreds of equilibria."""
+TORQUES = Memo(16)  # cache of holding torques by chain and reference, as each requires hundreds of equilibria
 
 
 def _holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:

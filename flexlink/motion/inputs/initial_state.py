@@ -20,8 +20,7 @@ from flexlink.kernels.inputs.record import Inputs, MotionTable
 from flexlink.motion.inputs.actuation import input_arrays, inputs_with, wrench_at
 from flexlink.motion.inputs.drives import no_drive
 
-Rows = tuple[tuple[float, ...], ...]
-"""Rows of one number per link."""
+Rows = tuple[tuple[float, ...], ...]  # rows of one number per link
 
 
 def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:

@@ -8,8 +8,7 @@ import numpy as np
 
 from flexlink.motion.loop.loop import STABLE, Loop
 
-FASTEST = 1e4
-"""Highest sampling rate that is proposed [Hz]."""
+FASTEST = 1e4  # highest sampling rate that is proposed [Hz]
 
 
 def instability(loop: Loop) -> tuple[str, str]:

@@ -75,11 +75,8 @@ def _cascade(drive: Drive, plant: Plant) -> LinearLaw:
 def law_in_python(law: Law, plant: Plant) -> LinearLaw:
     """Slopes of a law at rest in the state of the plant, by central differences of fourth order.
 
-    Raises
-    ------
-    ArgumentError
-        The law raises an exception, does not return one finite number per driven joint, or has a memory: it returns
-        another torque when it is called a second time.
+    Refused are laws that raise exceptions, do not return one finite number per driven joint, or have a memory: they
+    return another torque when they are called a second time.
     """
     n, d = plant.chain.n, len(plant.chain.active)
     y = np.concatenate([plant.q, np.zeros(n), plant.seen])

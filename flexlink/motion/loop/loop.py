@@ -337,8 +337,7 @@ def loop_of(
 # driven joint with the largest M_kk |φ_k|².
 
 
-CONTROLLER = "controller"
-"""Name of motions in which the arm rests: torques on their way, and states of the law."""
+CONTROLLER = "controller"  # name of motions in which the arm rests: torques on their way, and states of the law
 
 
 def motions(chain: Chain, q: Array, shapes: Sequence[Complex], s: Complex) -> list[str]:
