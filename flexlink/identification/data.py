@@ -340,8 +340,7 @@ def sagged(problem: FitProblem, part: FitStatic, number: int) -> Source:
         return float(tip_position(chain, rest.q)["xyz".index(part.axis)])
 
     def of(scene: Scene) -> list[Array]:
-        before = 0.0 if part.before is None else tip(scene.varied(part.before))
-        return [np.array([tip(scene) - before])]
+        return [np.array([tip(scene) - (0.0 if part.before is None else tip(scene.varied(part.before)))])]
 
     scene = problem.scene.varied(part.set) if part.set else problem.scene
     block = Block(f"tip {part.axis} [m]", np.array([part.value]), np.array([part.deviation]), True)
@@ -371,8 +370,7 @@ def responded(problem: FitProblem, part: FitFrf, number: int) -> Source:
 
 def _not_zero(size: Array) -> Array:
     """Magnitudes with zeros, whose logarithm is infinite, replaced by a small part of the largest one."""
-    least = 1e-12
-    return np.asarray(np.maximum(size, least * (size.max() or 1.0)))
+    return np.asarray(np.maximum(size, 1e-12 * (size.max() or 1.0)))
 
 
 def sources_of(problem: FitProblem, use: Use) -> list[Source]:

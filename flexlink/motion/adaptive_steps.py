@@ -98,8 +98,7 @@ class AdaptiveSteps(MethodSteps):
             self.control.note(k, *self.state[:2])
             self.reads(self.control.impulse)
         except (LawFailure, KeyboardInterrupt):
-            before = self.control.times[k] - NEAR * self.run.spacing
-            yield int(np.searchsorted(self.record.t, before)), self._part
+            yield int(np.searchsorted(self.record.t, self.control.times[k] - NEAR * self.run.spacing)), self._part
             raise
 
     @property

@@ -83,8 +83,7 @@ def listed(place: str, has: str, kind: str) -> list[list[float]]:
 
 def bodies_of(chain: Chain) -> NDArray[np.intp]:
     """Numbers of bodies of a chain with 0, 1, 2 and 3 hinges; the tip frame is not counted."""
-    hinges = (chain.bodies["stop"] - chain.bodies["first"])[:-1]
-    return np.bincount(np.minimum(hinges, 3), minlength=4)
+    return np.bincount(np.minimum(chain.bodies["stop"] - chain.bodies["first"], 3)[:-1], minlength=4)
 
 
 def parts_of(chain: Chain, drive: Drive | None) -> Array:

@@ -63,10 +63,8 @@ def stuck(record: Record, q: Array, t: float, h: float, *, unsolved: int | None,
 
 def loop_is_unstable(record: Record) -> bool:
     """Whether small motion grows from sampling instant to instant with a sampled drive, but not without the drive."""
-    # minimum relative excess over the growth without the drive, since motion of a toppling arm grows anyway
-    faster_growth = 1e-3
     growth, without = sampled_growth(record)
-    return growth > max(1.0, without) * (1.0 + faster_growth)
+    return growth > max(1.0, without) * (1.0 + 1e-3)  # motion of a toppling arm grows anyway
 
 
 def loop_grows(record: Record) -> bool:

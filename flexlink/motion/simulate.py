@@ -245,8 +245,7 @@ class Problem:
                 check_method(begun.run)
                 yield SingleRun(begun, control_of(begun, control, rate, delay, before), before, motion=motion)
         finally:
-            few = self.scene.run.samples * self.chain.n < MANY
-            self._idle.append((problem, kept if few else Kept()))
+            self._idle.append((problem, kept if self.scene.run.samples * self.chain.n < MANY else Kept()))
 
     def _check_stored(self, before: Array, drive: Drive) -> None:
         stored = drive.held.shape[1] if drive.rate else len(self.chain.active)

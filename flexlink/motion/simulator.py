@@ -254,8 +254,7 @@ class Simulator:
             raise
         if fault:
             self._restore(*before)
-            held = end - self._time if tau is not None else 0.0
-            raise self._diverged(fault, held)
+            raise self._diverged(fault, 0.0 if tau is None else end - self._time)
         self._time, self._calls = end, calls
         self._sense(inputs)
         after = self.state

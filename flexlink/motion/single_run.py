@@ -379,7 +379,4 @@ def _identify_types(record: Record) -> None:
         record.kept.types = types_of(chain.arrays, *others) + _types_of_drive(drive) + solver
 
 
-@keep_last(64)
-def _types_of_drive(drive: Drive) -> bytes:
-    """Types of the arrays of a drive; cached, since runs share drives."""
-    return types_of(drive)
+_types_of_drive: Callable[[Drive], bytes] = keep_last(64)(types_of)  # runs share drives

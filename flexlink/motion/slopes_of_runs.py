@@ -17,7 +17,7 @@ import math
 import operator
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from typing import Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from msgspec.structs import replace
@@ -107,6 +107,14 @@ def neighbours(
         failed = next((value for value in values if isinstance(value, FlexlinkError)), None)
         found.append(Neighbours(places, float(steps[k]), good) if failed is None else failed)
     return middle, found
+
+
+def or_error(function: Callable[..., Any], *arguments: object) -> Any:
+    """What a function returns, or the error that it raises."""
+    try:
+        return function(*arguments)
+    except FlexlinkError as error:
+        return error
 
 
 def moved(x: Array, k: int, by: float) -> Array:
@@ -235,19 +243,16 @@ class _Runs:
         """Runs at several points; in the first call these include the scene's own, whose error is raised."""
         new = () if self.known else self.starts
         numbers = [next(iter(np.flatnonzero(x != self.x).tolist()), None) for x in points]
-        scenes = [None if k is None else self._scene(k, float(x[k])) for k, x in zip(numbers, points, strict=True)]
+        scenes = [
+            None if k is None else or_error(self._variants[k].varied, {self.paths[k]: float(x[k])})
+            for k, x in zip(numbers, points, strict=True)
+        ]
         with deferred() as stop:
             good = [*new, *(one for one in scenes if isinstance(one, Scene))]
             ends = iter(outcomes(good, stop, compared=min(len(new), 1)))
         self.known += [_run(next(ends)) for _ in new]
         found = [next(ends) if isinstance(one, Scene) else one for one in scenes]
         return [self.known[-1] if k is None else self._checked(k, end) for k, end in zip(numbers, found, strict=True)]
-
-    def _scene(self, k: int, value: float) -> Scene | FlexlinkError:
-        try:
-            return self._variants[k].varied({self.paths[k]: value})
-        except FlexlinkError as error:
-            return error
 
     def _checked(self, k: int, end: object) -> Trajectory | FlexlinkError:
         """Return a neighbouring run if it has the same joints, else an error."""

@@ -43,9 +43,7 @@ def longest_step(name: str, record: Record, span: float, t: float, state: tuple[
             return stable_step(chain, q, qd, method=name, **acting)
         return np.inf
 
-    if is_user_file(name):
-        return find()
-    return LONGEST(chain, contents((name, span, q, qd, *acting.values())), find)
+    return find() if is_user_file(name) else LONGEST(chain, contents((name, span, q, qd, *acting.values())), find)
 
 
 def longest_step_of(name: str, span: float, ω: float, δ: float) -> float:

@@ -14,8 +14,6 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.memo import Memo, keep_last
 from flexlink.common.types import Array, Indices
-from flexlink.describe.drive import Drive as DriveOfScene
-from flexlink.describe.drive import DriveFilter
 from flexlink.describe.joint_units import in_si, together
 from flexlink.describe.scene import Scene, bare_and_rigid
 from flexlink.dynamics.filters import linear_filter, transition
@@ -100,8 +98,7 @@ def side_by_side(drives: Sequence[Drive]) -> Drive:
     eight = [drives[min(lane, len(drives) - 1)].model for lane in range(LANES)]
     own = (RigidModel(m.chain, rne_workspace(m.chain), m.wrench, *np.zeros((4, len(m.q)))) for m in eight)
     model = None if one.model is None else tuple(own)  # copies with their own motion and scratch
-    held = np.zeros((*one.held.shape, LANES))
-    return one._replace(model=model, held=held, next_instant=one.next_instant.copy())
+    return one._replace(model=model, held=np.zeros((*one.held.shape, LANES)), next_instant=one.next_instant.copy())
 
 
 def remembered(drive: Drive) -> tuple[NDArray[Any], ...]:
@@ -201,7 +198,7 @@ def _servo_of(scene: Scene, chain: Chain) -> Array:
 def _filters_of(scene: Scene, chain: Chain, rate: float) -> Array:
     """Φ, Γ, Ψ, S, C, D of the filters of each driven joint, shape (d, f + 1, f + 3), as in `cascade`."""
     names = [scene.arm.links[k].name for k in _links_of(chain)]
-    series = [_series(scene.drive, name) for name in names]
+    series = [tuple(each for each in scene.drive.filter if each.link in {"", name}) for name in names]
     f = max((len(linear_filter(each).B) for each in series), default=0)
     found = np.zeros((len(names), f + 1, f + 3))
     for block, filters in zip(found, series, strict=True):
@@ -211,10 +208,6 @@ def _filters_of(scene: Scene, chain: Chain, rate: float) -> Array:
         block[:n, f + 2] = own.settled if n else 0.0
         block[f, :n], block[f, f] = own.C, own.D
     return found
-
-
-def _series(drive: DriveOfScene, link: str) -> tuple[DriveFilter, ...]:
-    return tuple(each for each in drive.filter if each.link in {"", link})
 
 
 def _links_of(chain: Chain) -> list[int]:
@@ -242,8 +235,7 @@ def _fed(scene: Scene, chain: Chain, feedback: Drive, law: int, by_model: int) -
 
 
 def _computed_torque(scene: Scene, chain: Chain) -> Drive:
-    model = rigid_model(lump(bare_and_rigid(scene)))
-    return _feedback(scene, chain)._replace(law=COMPUTED_TORQUE, model=model)
+    return _feedback(scene, chain)._replace(law=COMPUTED_TORQUE, model=rigid_model(lump(bare_and_rigid(scene))))
 
 
 def _feedback(scene: Scene, chain: Chain) -> Drive:

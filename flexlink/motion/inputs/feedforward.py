@@ -63,8 +63,7 @@ def _require_start(scene: Scene, chain: Chain, found: Feedforward) -> None:
     if initial.q is not None or initial.time:  # continues another run
         return
     links = [chain.coordinate(int(k)).link - 1 for k in chain.active]
-    first = found.path.postures[0, chain.active]
-    if not np.allclose(scene.joint_positions[links], first, rtol=0.0, atol=1e-9):
+    if not np.allclose(scene.joint_positions[links], found.path.postures[0, chain.active], rtol=0.0, atol=1e-9):
         text = "drive.reference: starts elsewhere than initial; with follows = 'tip' the arm starts on the path"
         raise SceneError(text, id="start-differs-from-motion")
     if initial.passive == "zero" and (any(scene.gravity) or found.path.wrench.any()):

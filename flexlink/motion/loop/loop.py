@@ -186,8 +186,6 @@ class Loop:
     def with_scene(self, scene: Scene) -> Loop:
         """The loop of another scene with the same law in Python; errors as in `loop`."""
         q, t = self.about
-        if self.control is None:
-            return loop(scene, q=q, t=t)
         return loop(scene, control=self.control, rate=self.rate or None, delay=self.delay, q=q, t=t)
 
     def plot(self, kind: str = "bode", input: int | str = 0) -> Any:

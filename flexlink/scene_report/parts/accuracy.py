@@ -144,11 +144,10 @@ def _in_time(about: Refinement) -> Picture | None:
     axes.axhline(about.limit.error, color=GREY, linestyle="--", linewidth=1.0, label="uncertainty")
     errors = np.concatenate([column for name, column in columns.items() if name != "t [s]"])
     top, low = float(errors.max()), float(np.quantile(errors, 0.1))  # leave out the start, where all runs agree
-    shown = max(0.3 * low, 1e-6 * top), 2 * max(top, about.limit.error)
-    axes.set(yscale="log", ylim=shown, ylabel="tip error [m]")
+    axes.set(yscale="log", ylabel="tip error [m]")
+    axes.set_ylim(max(0.3 * low, 1e-6 * top), 2 * max(top, about.limit.error))
     caption = "Tip error along the run, relative to the converged model. Dashed: uncertainty of that model."
-    title = "Convergence with the number of hinges"
-    return picture_of("convergence", title, caption, [axes], "time [s]", columns)
+    return picture_of("convergence", "Convergence with the number of hinges", caption, [axes], "time [s]", columns)
 
 
 def _prices(choices: Sequence[Choice]) -> Picture | None:
