@@ -108,8 +108,7 @@ def is_beam(link: Link) -> bool:
 def checked_scene(scene: Scene) -> Scene:
     """Return the scene if it can be run with any model."""
     for name in ("q", "qd"):
-        value = getattr(scene.initial, name)
-        if value is not None:
+        if (value := getattr(scene.initial, name)) is not None:
             why = f"initial.{name} = {truncated(value)}: fits only one number of hinges, but advice varies it"
             remedy = "use initial.joint_deg, rate_deg and passive"
             raise SceneError(f"{why}; {remedy}", id="hinge-state-with-advice")

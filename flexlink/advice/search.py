@@ -84,8 +84,7 @@ class LinkErrors:
 
     def _path(self, k: int, bend: Bend | None) -> Array:
         hinges = bend.hinges if bend else 0
-        path = self._few.get((k, hinges))
-        if path is None:
+        if (path := self._few.get((k, hinges))) is None:
             path = self._own[k] * (self.base / hinges) ** self.order if hinges else np.full_like(self._own[k], np.inf)
         return path + self._fewer_axes[k, bend.flex] if bend and bend.flex != self.refinement.axes[k] else path
 
@@ -149,8 +148,7 @@ class Search:
             model = allocation.cheapest(share * self.allowed)
             if model is None or cost(model) >= least:
                 break
-            stepping = stepping_of(model)
-            if stepping is None:
+            if (stepping := stepping_of(model)) is None:
                 return True
             outcome = self.runner.run(model, stepping)
             error = self.link_errors.from_limit(outcome.tip)
@@ -267,8 +265,7 @@ class Allocation:
 
     def learn(self, model: Model, error: float) -> None:
         """Use the measured error of a model [m] to correct predictions."""
-        predicted = self.link_errors.error(model)
-        if predicted:
+        if predicted := self.link_errors.error(model):
             ratio = error / predicted
             self._correction = max(0.3, min(ratio, ratio**0.5, 3.0))  # time steps may cause part of a large error
         self.measured.setdefault(model, error)
@@ -363,8 +360,7 @@ class ShapeSearch:
         return None
 
     def _shaped(self) -> Solution | None:
-        stations = self._coarsest(0.5)
-        if stations is None:
+        if (stations := self._coarsest(0.5)) is None:
             return None
         for count in range(1, min(bend.hinges for bend in stations.model if bend) + 1):
             model = tuple(bend and bend._replace(modes=of_number(count)) for bend in stations.model)
@@ -391,8 +387,7 @@ class ShapeSearch:
         """The same model by RK4 with the largest stable or accurate step."""
         longest = Thresholds.stable_share * self.runner.stable_step(solution.model)
         for part in (1.0, 0.5, 0.25):
-            stepping = self.runner.fixed_steps(part * longest)
-            if stepping is None:
+            if (stepping := self.runner.fixed_steps(part * longest)) is None:
                 break
             if found := self._tried(solution.model, stepping):
                 return found

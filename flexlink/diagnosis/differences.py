@@ -158,8 +158,7 @@ def _displacements(
     zero = next(row for row in table().mistakes if row.setting == "ref")
     ref = "joint-zero-differs", table().fields["lines"], zero.likely, zero.remedy
     for kind, words in table().misplaced.items():
-        found = [each for each in displacements if _kind(each, L) == kind]
-        if not found:
+        if not (found := [each for each in displacements if _kind(each, L) == kind]):
             continue
         joints = [theirs.names[each.joint] for each in found]
         joint_words = [f"joint {name!r} {_displaced(each, L)}" for name, each in zip(joints, found, strict=True)]

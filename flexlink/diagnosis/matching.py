@@ -49,8 +49,7 @@ def match_joints(ours: ReadBack, theirs: ReadBack) -> Match | tuple[str, str]:
     if ours.n != theirs.n:
         what = f"{theirs.n} joints instead of {ours.n}"
         for words, one, other in (("without", ours, theirs), ("with", theirs, ours)):
-            names = [repr(name) for name in one.names if name not in other.names]
-            if names:
+            if names := [repr(name) for name in one.names if name not in other.names]:
                 what += f", {words} {', '.join(names[:4])}{' …' if len(names) > 4 else ''}"
         return what, "check segments, locked joints and grippers"
     if sorted(paired) == list(range(theirs.n)):

@@ -128,8 +128,7 @@ def _from_start(run: FitRun, scene: Scene, measured: Measured) -> tuple[Measured
         measured = measured._replace(t=begin + (t - zero))
         t = measured.t
     between, late = float(np.median(np.diff(t))), float(t[0]) - begin
-    before = int((t < begin - 1e-9).sum())
-    if before:
+    if before := int((t < begin - 1e-9).sum()):
         text = f"{plural(before, 'sample')} before the scene's start at {begin:g} s not used"
         return measured, (Diagnostic(text, "samples-before-start"),)
     if late <= 1.5 * between or run.window is not None:
@@ -238,11 +237,7 @@ def slowest_mode(scene: Scene) -> float:
 
 
 def in_periods(t: Array, hertz: float) -> str:
-    """Text with the length of a record and the number of periods of the slowest mode that it contains.
-
-    >>> print(in_periods(np.linspace(0.0, 3.0, 601), 2.5))
-    3 s, 7.5 periods of the slowest mode, 2.5 Hz
-    """
+    """Text with the length of a record and the number of periods of the slowest mode that it contains."""
     length = float(t[-1] - t[0])
     periods = f", {length * hertz:.3g} periods of the slowest mode, {hertz:.3g} Hz" if hertz > 0 else ""
     return f"{length:.4g} s{periods}"

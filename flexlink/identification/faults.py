@@ -93,8 +93,7 @@ def warnings_of_faults(search: Search, found: Found) -> tuple[Diagnostic, ...]:
         named, far = faults(search, found), outliers(search, found)
         runs = [source.name for source in search.signals.sources if source.is_run and (named or far)]
         refitted = filter(None, [with_timing(search, found, run) for run in runs])
-        best = min(refitted, key=lambda one: one[2].cost, default=None)
-        if best is not None:
+        if (best := min(refitted, key=lambda one: one[2].cost, default=None)) is not None:
             fault, search, found = best
             named, far = [fault, *faults(search, found)], outliers(search, found)
     except FlexlinkError as error:

@@ -134,8 +134,7 @@ class AdaptiveSteps(MethodSteps):
         if how == OUTCOME.stuck and self.run.method == AUTO and np.isfinite(max(fastest_motion(self.record, q))):
             self.rates = {**self.rates, self.name: np.inf}
             able = ("Radau5", "DOP853") if not self.record.tied else ("Radau5",)
-            others = [name for name in able if self.rates.get(name, 0.0) < np.inf]
-            if others:
+            if others := [name for name in able if self.rates.get(name, 0.0) < np.inf]:
                 self.go_on_with(others[0])
                 how, self.rated_since, self.tried_for = int(OUTCOME.goes_on), None, None
         if how == OUTCOME.stuck:

@@ -46,12 +46,9 @@ class Rate(Spec, frozen=True):
     start: NonNegative = 0.0
     body: tuple[NonNegative, ...] = ()
     coupling: NonNegative = 0.0
-    dry: NonNegative = 0.0
-    """Cost for each joint with dry friction [µs]."""
-    driven: NonNegative = 0.0
-    """Cost for each driven joint [µs]."""
-    model: NonNegative = 0.0
-    """Cost for each driven joint whose control law evaluates a rigid model [µs]."""
+    dry: NonNegative = 0.0  # for each joint with dry friction
+    driven: NonNegative = 0.0  # for each driven joint
+    model: NonNegative = 0.0  # for each driven joint whose control law evaluates a rigid model
 
     @property
     def parts(self) -> list[float]:
@@ -139,9 +136,7 @@ def run_cost(chain: Chain, name: str, evaluations: float) -> float:
 def _evaluation_cost(chain: Chain, stages: int, *, explicit: bool) -> float:
     """CPU time of one evaluation [s], including its share of the other operations of a step if `stages` is not 0."""
     costs = operation_costs(chain, explicit=explicit)
-    if stages == 0:
-        return costs[0]
-    return cost_of_a_step(costs, stages, explicit=explicit) / (_passes(explicit) * stages)
+    return cost_of_a_step(costs, stages, explicit=explicit) / (_passes(explicit) * stages) if stages else costs[0]
 
 
 def cost_of_a_step(costs: list[float], stages: int, *, explicit: bool) -> float:

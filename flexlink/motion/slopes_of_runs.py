@@ -44,11 +44,7 @@ FORWARD: Places = (1, 2)
 
 @functools.cache
 def weights(at: Places) -> tuple[float, ...]:
-    """Weights w_i of the differences f(x + a_i h) − f(x) for multiples a_i = `at` of the step h.
-
-    >>> print(weights((-1, 1)))
-    (-0.5, 0.5)
-    """
+    """Weights w_i of the differences f(x + a_i h) − f(x) for multiples a_i = `at` of the step h."""
     factors = [[(Fraction(-y), Fraction(x - y)) for y in (0, *at) if y != x] for x in at]
     return tuple(
         float(math.prod(top for top, _ in one if top) / math.prod(bottom for _, bottom in one)) for one in factors

@@ -161,8 +161,7 @@ def import_urdf(
     _check_joints(way, armature)
     way, rotors, following = with_followers(robot, way, locked, armature, gravity)
     scene, parts = assembled(robot, way, flexible, rotors, gravity)
-    odd = [*of_odd_bodies(scene.arm)]
-    if odd:
+    if odd := [*of_odd_bodies(scene.arm)]:
         lump(scene)  # refuses them if M is not positive
     for part, one in zip(way.parts, parts, strict=True):
         hertz = flexible[part.link].frequency_hz if part.link in flexible else None
@@ -195,8 +194,7 @@ def _followers(way: Paths, parts: Sequence[ImportedLink]) -> list[dict[str, Any]
 def _check_links(way: Paths, flexible: Mapping[str, FlexibleLink]) -> None:
     links = [part.link for part in way.parts]
     for link, specified in flexible.items():
-        holders = [part.link for part in way.parts if link in part.folded]
-        if holders:
+        if holders := [part.link for part in way.parts if link in part.folded]:
             why = f"flexible: link {truncated(link)} is fixed to {truncated(holders[0])}; make that link flexible"
             raise ArgumentError(why, id="flexible-link-fixed")
         if link not in links:
@@ -312,8 +310,7 @@ def living_paths(
     still: dict[str, None] = {}
     while True:
         found = paths(robot, base, tip, posture, locked, free_base=free_base, still=still)
-        lifeless = _lifeless(found, rotors)
-        if not lifeless:
+        if not (lifeless := _lifeless(found, rotors)):
             return found, tuple(still)
         if tip is not None or len(lifeless) == len(found.parts):
             if not any(body.mass or body.inertia.any() for body in robot.links.values()):

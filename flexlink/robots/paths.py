@@ -140,8 +140,7 @@ def _way(robot: Robot, base: str, tips: Sequence[str] | None) -> list[TreeJoint]
         return robot.beyond(base)
     wanted: dict[str, None] = {}
     for tip in tips:
-        path = robot.path(base, tip)
-        if path is None:
+        if (path := robot.path(base, tip)) is None:
             why = f"tip = {truncated(tip)}: not reached outward from base = {truncated(base)}; choose a link beyond it"
             raise ArgumentError(why, id="unknown-link")
         wanted |= {joint.name: None for joint in path}

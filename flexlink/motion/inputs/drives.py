@@ -142,9 +142,8 @@ def gains_at_zero(drive: Drive, chain: Chain, continuous: bool = False) -> Gains
 
 def _continuous(drive: Drive) -> Drive:
     """A sampled law as if it were continuous, and without its memory."""
-    law = PD if drive.law >= CASCADE else drive.law
-    kp = drive.kd * drive.kp if drive.law >= CASCADE else drive.kp
-    return drive._replace(rate=0.0, law=law, kp=kp)
+    drive = drive._replace(rate=0.0)
+    return drive if drive.law < CASCADE else drive._replace(law=PD, kp=drive.kd * drive.kp)
 
 
 def _table(scene: Scene, chain: Chain) -> Drive:

@@ -9,7 +9,7 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
 from flexlink.common.memo import Memo
-from flexlink.common.types import Array, Indices
+from flexlink.common.types import Array
 from flexlink.describe.joint import refuse_beyond
 from flexlink.describe.reference import smooth_pieces
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
@@ -121,7 +121,9 @@ def _holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolyn
     angles = np.einsum("kjd,knj->knd", c, x[:, :, None] ** np.arange(c.shape[1]))
     moving = np.asarray(c[:, 1:].any(axis=(1, 2)))
     needed = np.arange(len(NODES)) < np.where(moving, len(NODES), 1)[:, None]  # a constant piece needs one node
-    nodes, which = _different(angles[needed])
+    every = angles[needed]
+    new = np.append(True, (np.diff(every, axis=0) != 0).any(axis=1))  # consecutive repetitions are left out
+    nodes, which = np.ascontiguousarray(every[new]), np.cumsum(new) - 1
     postures = nodes if len(chain.active) == chain.n else static_postures(chain, nodes)
     holding = np.empty_like(postures)
     gravity_torques(chain.arrays, postures, holding)
@@ -131,12 +133,6 @@ def _holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolyn
     powers = np.einsum("jn,knd->kjd", TO_POWERS, torques) / h[:, None, None] ** np.arange(len(NODES))[:, None]
     powers[~moving, 1:] = 0.0
     return PiecewisePolynomial(knots, powers)
-
-
-def _different(nodes: Array) -> tuple[Array, Indices]:
-    """Nodes (rows, d) without consecutive repetitions, and for each original node its index among them."""
-    new = np.append(True, (np.diff(nodes, axis=0) != 0).any(axis=1))
-    return np.ascontiguousarray(nodes[new]), np.cumsum(new) - 1
 
 
 def _divided(knots: Array, c: Array) -> Array:

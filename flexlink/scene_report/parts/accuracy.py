@@ -38,8 +38,7 @@ def _hinge_error(about: Refinement) -> list[str]:
         return ["All links are rigid: there are no hinges to refine."]
     if about.gives_state:
         return ["Tip error from the number of hinges: unknown, because initial.q fixes that number."]
-    limit = about.limit
-    if limit is None:
+    if (limit := about.limit) is None:
         outcomes = {factor: about.runner.run(about.cut(factor), about.strict) for factor in (1.0, 2.0, 4.0)}
         reasons = {factor: outcome.reason for factor, outcome in outcomes.items() if not outcome.completed}
         early = "; ".join(f"{factor:g} times the hinges: {why}" for factor, why in reasons.items())

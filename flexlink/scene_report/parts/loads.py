@@ -31,8 +31,7 @@ def made(study: Study) -> Part:
         "Bending moment and shear are the resultants of the two components across the beam.",
     ]
     peaks = np.abs(run.tau).max(axis=0)
-    driven = [int(k) for k in chain.active if peaks[k] > 0]
-    if driven:
+    if driven := [int(k) for k in chain.active if peaks[k] > 0]:
         for kind, joints in reversed([*chain.by_unit(driven)]):
             most = max(joints, key=lambda k: peaks[k])
             largest = f"{number(float(peaks[most]))} {kind.torque} at {chain.joint_name(most)}"

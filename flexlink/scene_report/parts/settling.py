@@ -22,8 +22,7 @@ TOLERANCES = (1e-2, 1e-3, 1e-4)  # tolerances for settling, as fractions of the 
 
 def made(study: Study) -> Part | None:
     """Build the chapter."""
-    goal = _goal(study)
-    if goal is None:
+    if (goal := _goal(study)) is None:
         return None
     if study.scene.ties:
         return Part(("The settling of arms with ties is not computed.",))
@@ -53,8 +52,7 @@ def _goal(study: Study) -> tuple[Array, float] | None:
     scene, chain = study.scene, study.chain
     if not scene.drive.controls or scene.motion:
         return None
-    course = scene.course
-    if course is not None:
+    if (course := scene.course) is not None:
         end = float(course.knots[-1])
         return course(end)[0], end
     return scene.joint_targets[[chain.coordinates[k].link - 1 for k in chain.active]], scene.initial.time
