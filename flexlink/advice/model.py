@@ -110,8 +110,7 @@ def checked_scene(scene: Scene) -> Scene:
     for name in ("q", "qd"):
         if (value := getattr(scene.initial, name)) is not None:
             why = f"initial.{name} = {truncated(value)}: fits only one number of hinges, but advice varies it"
-            remedy = "use initial.joint_deg, rate_deg and passive"
-            raise SceneError(f"{why}; {remedy}", id="hinge-state-with-advice")
+            raise SceneError(f"{why}; use initial.joint_deg, rate_deg and passive", id="hinge-state-with-advice")
     if scene.run.duration == 0:
         why = f"run.duration = {scene.run.duration!r}: advice needs a motion; use a duration > 0"
         raise SceneError(why, id="no-motion")

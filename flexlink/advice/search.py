@@ -337,8 +337,7 @@ class ShapeSearch:
             if found := [each for each in several if each is not None]:
                 best.append(min(found, key=self.size))
                 chain, stable = self.runner.chain(best[-1].model), self.runner.stable_step(best[-1].model)
-                steps = f"largest stable step of RK4 {stable:.3g} s"
-                self.lines.append(f"{name}: {chain.freedoms} coordinates, {steps}")
+                self.lines.append(f"{name}: {chain.freedoms} coordinates, largest stable step of RK4 {stable:.3g} s")
         if not best:
             return None
         smallest = min(best, key=self.size)

@@ -176,8 +176,7 @@ def warnings_of_inputs(numbers: Sequence[Estimate], found: Shifts) -> list[Diagn
     if not shifts:
         return list(found.doubts)
     text = f"input error: noise or filter of {' and '.join(found.motions)} shift {' and '.join(shifts)}"
-    remedy = "try cutoff = 'auto', or measure the angle more finely"
-    return [*found.doubts, Diagnostic(f"{text}; {remedy}", "input-error")]
+    return [*found.doubts, Diagnostic(f"{text}; try cutoff = 'auto', or measure the angle more finely", "input-error")]
 
 
 def _described(scene: Scene, motion: PrescribedMotion) -> tuple[str, Diagnostic | None]:

@@ -91,7 +91,7 @@ class Control:
     def torque(self, t: float, q: Array, qd: Array, sensors: dict[str, dict[str, float]] | None = None) -> Array:
         """Torques of the law, limited to the drive's `effort`, shape (d,); `sensors`: readings for the law.
 
-        A LawFailure says that the law raised an exception, or did not return d finite numbers.
+        A LawFailure is raised if the law raises an exception, or does not return d finite numbers.
         """
         if self.base is not None:
             q, qd = self.base.relative_to_start(q, qd)
@@ -213,8 +213,8 @@ def control_of(
 ) -> Control | None:
     """The control law of a run, or None.
 
-    Refused are laws that are not callable or stand beside a drive, rates that do not fit the step or are likely a
-    period, and methods without stages at which a law can be evaluated.
+    Refused are laws that are not callable or given in addition to a drive, rates that do not fit the step or are likely
+    a period, and methods without stages at which a law can be evaluated.
     """
     require_callable("control", law)
     if law is None:
