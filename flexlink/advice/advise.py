@@ -105,8 +105,7 @@ class Advisor:
 
     def advice(self) -> Advice:
         """Advise rigid links if they are accurate enough; otherwise find the limit of finer models, then search."""
-        settled = self._rigid_is_enough()
-        if settled is not None:
+        if (settled := self._rigid_is_enough()) is not None:
             return settled
         stepping, tolerance = self._first_flexible_run()
         screening = AxisScreening(self.runner, self.norm, self.axes, stepping, tolerance)
@@ -199,8 +198,7 @@ class Advisor:
             return self._done(model, outcome, total(outcome.tip), tolerance, refinement.travel, limit)
         link_errors = LinkErrors(self.runner, self.norm, refinement)
         search = Search(self.runner, link_errors, tolerance - known_to)
-        best = search.best()
-        if best is None:
+        if (best := search.best()) is None:
             for level, outcome in refinement.models().items():
                 search.accept(level, outcome)
             best = search.solution

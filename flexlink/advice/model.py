@@ -108,11 +108,9 @@ def is_beam(link: Link) -> bool:
 def checked_scene(scene: Scene) -> Scene:
     """Return the scene if it can be run with any model."""
     for name in ("q", "qd"):
-        value = getattr(scene.initial, name)
-        if value is not None:
+        if (value := getattr(scene.initial, name)) is not None:
             why = f"initial.{name} = {truncated(value)}: fits only one number of hinges, but advice varies it"
-            remedy = "use initial.joint_deg, rate_deg and passive"
-            raise SceneError(f"{why}; {remedy}", id="hinge-state-with-advice")
+            raise SceneError(f"{why}; use initial.joint_deg, rate_deg and passive", id="hinge-state-with-advice")
     if scene.run.duration == 0:
         why = f"run.duration = {scene.run.duration!r}: advice needs a motion; use a duration > 0"
         raise SceneError(why, id="no-motion")

@@ -94,8 +94,7 @@ class ModelRunner:
     def perturbed_run(self, model: Model, stepping: Stepping, angle: float) -> Outcome | None:
         """The run with free hinges turned by an angle [rad] at the start, slides by angle × size; None if none is."""
         chain, initial = self.chain(model), self.scene.initial
-        free = [k for k in chain.active.tolist() if not chain.held[k]]
-        if not free:
+        if not (free := [k for k in chain.active.tolist() if not chain.held[k]]):
             return None
         deg, m = np.array(initial.joint_deg), np.array(initial.positions_m)
         for k in free:

@@ -251,8 +251,7 @@ def load_and_bend(arm: Arm, run: Trajectory) -> tuple[float, float]:
     force = np.abs(few.loads.N)
     found = [(0.0, 0.0)]
     for number, link in enumerate(arm.links, 1):
-        hinges = chain.where(Kind.HINGE, link=number).tolist()
-        if hinges:
+        if hinges := chain.where(Kind.HINGE, link=number).tolist():
             axes = np.array([chain.coordinates[k].axis for k in hinges])
             θ = np.hypot(*(few.q[:, np.array(hinges)[axes == axis]].sum(axis=1) for axis in (2, 3)))  # about y and z
             γ = force[:, [chain.body(k) for k in hinges]].max(axis=1) * link.beam.length**2 / _least_rigidity(arm, link)

@@ -90,8 +90,7 @@ def _steppings(runner: ModelRunner, strict: Outcome, allowed: float) -> list[Ste
     for tolerance in (factor * allowed for factor in Thresholds.loose):  # steps follow an error estimate of order 4
         cost = strict.seconds * (tolerance / strict.stepping.tolerance) ** -0.25
         costs[Stepping("Radau5", tolerance=tolerance)] = cost
-    fixed = runner.fixed_steps(runner.scene.run.spacing)
-    if fixed is not None:
+    if (fixed := runner.fixed_steps(runner.scene.run.spacing)) is not None:
         costs[fixed] = runner.fixed_steps_cost(rigid_model(runner), fixed)
     return sorted((stepping for stepping, cost in costs.items() if cost < strict.seconds), key=lambda s: costs[s])
 

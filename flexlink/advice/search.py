@@ -84,8 +84,7 @@ class LinkErrors:
 
     def _path(self, k: int, bend: Bend | None) -> Array:
         hinges = bend.hinges if bend else 0
-        path = self._few.get((k, hinges))
-        if path is None:
+        if (path := self._few.get((k, hinges))) is None:
             path = self._own[k] * (self.base / hinges) ** self.order if hinges else np.full_like(self._own[k], np.inf)
         return path + self._fewer_axes[k, bend.flex] if bend and bend.flex != self.refinement.axes[k] else path
 
@@ -149,8 +148,7 @@ class Search:
             model = allocation.cheapest(share * self.allowed)
             if model is None or cost(model) >= least:
                 break
-            stepping = stepping_of(model)
-            if stepping is None:
+            if (stepping := stepping_of(model)) is None:
                 return True
             outcome = self.runner.run(model, stepping)
             error = self.link_errors.from_limit(outcome.tip)
@@ -267,8 +265,7 @@ class Allocation:
 
     def learn(self, model: Model, error: float) -> None:
         """Use the measured error of a model [m] to correct predictions."""
-        predicted = self.link_errors.error(model)
-        if predicted:
+        if predicted := self.link_errors.error(model):
             ratio = error / predicted
             self._correction = max(0.3, min(ratio, ratio**0.5, 3.0))  # time steps may cause part of a large error
         self.measured.setdefault(model, error)
@@ -297,13 +294,11 @@ class Allocation:
         constants = {k: self._correction * self.link_errors.constant(k) for k in self.link_errors.bending}
         if not all(map(math.isfinite, constants.values())):  # the run that measures a constant failed
             return None
-        p, family = self.link_errors.order, FAMILIES[self.link_errors.family]
+        p, family, rules = self.link_errors.order, FAMILIES[self.link_errors.family], self.link_errors.refinement.family
         shape = {k: (constant / len(axes[k])) ** (1 / (p + 1)) for k, constant in constants.items()}
-        total = sum(constants[k] / shape[k] ** p for k in shape if shape[k])
-        scale = (total / allowed) ** (1 / p)
+        scale = (sum(constants[k] / shape[k] ** p for k in shape if shape[k]) / allowed) ** (1 / p)
         hinges = {k: family.rounded_up(max(1, math.ceil(scale * size))) for k, size in shape.items()}
         while max(hinges.values()) <= most:
-            rules = self.link_errors.refinement.family
             model = tuple(by_rule(flex, hinges.get(k, 0), rules) for k, flex in enumerate(axes))
             if self._error(model) <= allowed:
                 return model
@@ -315,8 +310,7 @@ class Allocation:
         for k, bend in enumerate(model):
             if bend:
                 counts = FAMILIES[self.link_errors.family].fewer(bend.hinges)
-                rules = self.link_errors.refinement.family
-                options = [by_rule(bend.flex, count, rules) for count in counts]
+                options = [by_rule(bend.flex, count, self.link_errors.refinement.family) for count in counts]
                 options += [bend._replace(flex=flex) for flex in self.link_errors.axes(k) if len(flex) < len(bend.flex)]
                 yield from ((*model[:k], option, *model[k + 1 :]) for option in options)
 
@@ -343,8 +337,7 @@ class ShapeSearch:
             if found := [each for each in several if each is not None]:
                 best.append(min(found, key=self.size))
                 chain, stable = self.runner.chain(best[-1].model), self.runner.stable_step(best[-1].model)
-                steps = f"largest stable step of RK4 {stable:.3g} s"
-                self.lines.append(f"{name}: {chain.freedoms} coordinates, {steps}")
+                self.lines.append(f"{name}: {chain.freedoms} coordinates, largest stable step of RK4 {stable:.3g} s")
         if not best:
             return None
         smallest = min(best, key=self.size)
@@ -366,8 +359,7 @@ class ShapeSearch:
         return None
 
     def _shaped(self) -> Solution | None:
-        stations = self._coarsest(0.5)
-        if stations is None:
+        if (stations := self._coarsest(0.5)) is None:
             return None
         for count in range(1, min(bend.hinges for bend in stations.model if bend) + 1):
             model = tuple(bend and bend._replace(modes=of_number(count)) for bend in stations.model)
@@ -394,8 +386,7 @@ class ShapeSearch:
         """The same model by RK4 with the largest stable or accurate step."""
         longest = Thresholds.stable_share * self.runner.stable_step(solution.model)
         for part in (1.0, 0.5, 0.25):
-            stepping = self.runner.fixed_steps(part * longest)
-            if stepping is None:
+            if (stepping := self.runner.fixed_steps(part * longest)) is None:
                 break
             if found := self._tried(solution.model, stepping):
                 return found

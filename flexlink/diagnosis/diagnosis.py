@@ -86,8 +86,7 @@ class Diagnosis:
 
     def _conclusion(self) -> list[str]:
         bad = [row for row in self.rows if not row.passed]
-        not_finite = [row for row in bad if math.isnan(row.error)]
-        if not_finite:
+        if not_finite := [row for row in bad if math.isnan(row.error)]:
             row = not_finite[0]
             return [f"{row.quantity}: the engine returns numbers that are not finite, first at joint {row.joint!r}"]
         if not bad or self.explained is None:
@@ -188,8 +187,7 @@ def _notes(ours: ReadBack, match: Match, read: ReadBack) -> list[Diagnostic]:
     notes = {"names": [], "bodies": [by_body], "order": [by_order]}[match.by]
     fields = (read.unspecified - set(ACTUATOR_FIELDS)) | taken_from_scene(ours, read)
     fields -= {field for field in COUPLED_FIELDS if not getattr(ours, field).any()}
-    labels = [words.label for field, words in table().fields.items() if field in fields]
-    if labels:
+    if labels := [words.label for field, words in table().fields.items() if field in fields]:
         notes.append(Diagnostic(f"not in the file, taken from the scene: {', '.join(labels)}", "taken-from-scene"))
     return notes
 

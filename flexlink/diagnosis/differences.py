@@ -142,10 +142,9 @@ def _fewer_digits(differing: Mapping[str, Discrepancy], faulty: ReadBack) -> Fin
 
 def _joined(ours: ReadBack, group: list[Finding]) -> Finding:
     """Join findings with the same cause to one finding, whose faulty record has the mistakes of all of them."""
-    records = [finding.faulty for finding in reversed(group) if finding.faulty is not None]
     names = [field.name for field in dataclasses.fields(ReadBack)]
     fields: dict[str, Any] = {}
-    for record in records:
+    for record in (finding.faulty for finding in reversed(group) if finding.faulty is not None):
         fields |= {name: value for name in names if (value := getattr(record, name)) is not getattr(ours, name)}
     what = "; ".join(finding.what for finding in group)
     return dataclasses.replace(group[0], what=what, faulty=dataclasses.replace(ours, **fields))
@@ -159,8 +158,7 @@ def _displacements(
     zero = next(row for row in table().mistakes if row.setting == "ref")
     ref = "joint-zero-differs", table().fields["lines"], zero.likely, zero.remedy
     for kind, words in table().misplaced.items():
-        found = [each for each in displacements if _kind(each, L) == kind]
-        if not found:
+        if not (found := [each for each in displacements if _kind(each, L) == kind]):
             continue
         joints = [theirs.names[each.joint] for each in found]
         joint_words = [f"joint {name!r} {_displaced(each, L)}" for name, each in zip(joints, found, strict=True)]
@@ -240,8 +238,7 @@ def _values(read: ReadBack, field: str, ours: ReadBack) -> Array:
         along = np.einsum("ij,ij->i", ours.axes, read.points - ours.points)[:, None]
         return np.hstack([sense * read.axes, (read.points - along * ours.axes) / reach(ours)])
     if field == "tip":
-        known = [part.tip for part in (read, ours) if part.tip is not None]
-        return np.array(known[:1] or [np.zeros(3)])
+        return np.array([next((part.tip for part in (read, ours) if part.tip is not None), np.zeros(3))])
     if field == "slides":
         return read.slides.astype(float)
     values: Array = getattr(read, field)
@@ -266,11 +263,9 @@ def _explained(field: str, diff: Discrepancy, format: str) -> Finding:
     where = "" if global_field else _where(ours.names, diff.rows)
     subject = table().fields[field].label
     if where:
-        coupled = field in COUPLED_FIELDS
-        subject = f"{subject.removesuffix(' joints')} {where}" if coupled else f"{subject} of {where}"
-    what = f"{subject}: {_instead(field, diff)}"
+        subject = f"{subject.removesuffix(' joints')} {where}" if field in COUPLED_FIELDS else f"{subject} of {where}"
     words = table().fields[field].id, _of_joints(field, diff), mistake.likely, mistake.remedy
-    return _worded(words, what, where, format, dataclasses.replace(ours, **faulty))
+    return _worded(words, f"{subject}: {_instead(field, diff)}", where, format, dataclasses.replace(ours, **faulty))
 
 
 def _worded(words: tuple[str, Field, str, str], what: str, where: str, format: str, faulty: ReadBack) -> Finding:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from flexlink.common.products import cross
 from flexlink.common.types import Array, Indices
@@ -66,9 +67,7 @@ def _undo_one(
     k, motion = (k, _rigid_motion(ours, theirs, k, tolerance)) if motion is None else (before, motion)
     if _only_axis_moved(ours, theirs, k, tolerance, rigid_behind=motion is not None):
         R = theirs.frames[k]
-        axes = theirs.axes[k] @ R, ours.axes[k] @ R
-        axis = Displacement(k, angle, off, axes=axes)
-        line = ("axes", "points")
+        axis, line = Displacement(k, angle, off, axes=(theirs.axes[k] @ R, ours.axes[k] @ R)), ("axes", "points")
         return axis, _with_rows_of(theirs, ours, k, line), _with_rows_of(ours_displaced, theirs, k, line)
     unit = _unit(ours, theirs, k, units)
     if motion is None and unit is not None:
@@ -78,8 +77,8 @@ def _undo_one(
     if motion is None:
         return Displacement(k, angle, off, rigid=False), theirs, ours_displaced
     R, point, moved = motion
-    offset = float(np.linalg.norm(moved - point))
-    frame = Displacement(k, _angle(R), offset, unit_factor=None if unit is None else unit[0])
+    offset, angle = float(np.linalg.norm(moved - point)), float(Rotation.from_matrix(R).magnitude())
+    frame = Displacement(k, angle, offset, unit_factor=None if unit is None else unit[0])
     return frame, _moved_rigidly(theirs, k, R.T, moved, point), _moved_rigidly(ours_displaced, k, R, point, moved)
 
 
@@ -210,8 +209,7 @@ def _marker_points(read: ReadBack, joints: Indices) -> Array:
     """Points that move with these joints: centres of mass, and the next one projected onto each axis that turns."""
     following = [_next_massive(read, j) for j in joints]
     axes, points = read.axes[joints], np.where(read.slides[joints, None], read.centers[following], read.points[joints])
-    lever = read.centers[following] - points
-    feet = points + axes * np.einsum("ji,ji->j", axes, lever)[:, None]
+    feet = points + axes * np.einsum("ji,ji->j", axes, read.centers[following] - points)[:, None]
     return np.concatenate([feet, read.centers[joints][read.masses[joints] > 0]])
 
 
@@ -239,9 +237,3 @@ def _moved_rigidly(read: ReadBack, k: int, R: Array, point: Array, image: Array)
 def _with_tail_of(read: ReadBack, other: ReadBack, k: int) -> ReadBack:
     """The record, with positions and orientations in the subtree of joint k taken from the other record."""
     return _with_rows_of(read, other, slice(k, None), ("axes", "points", "centers", "inertias"), tip=other.tip)
-
-
-def _angle(R: Array) -> float:
-    """Angle of a rotation, accurate for small angles [rad]."""
-    sin = np.linalg.norm([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
-    return float(np.arctan2(sin, (np.trace(R) - 1) / 2))

@@ -49,8 +49,7 @@ def match_joints(ours: ReadBack, theirs: ReadBack) -> Match | tuple[str, str]:
     if ours.n != theirs.n:
         what = f"{theirs.n} joints instead of {ours.n}"
         for words, one, other in (("without", ours, theirs), ("with", theirs, ours)):
-            names = [repr(name) for name in one.names if name not in other.names]
-            if names:
+            if names := [repr(name) for name in one.names if name not in other.names]:
                 what += f", {words} {', '.join(names[:4])}{' …' if len(names) > 4 else ''}"
         return what, "check segments, locked joints and grippers"
     if sorted(paired) == list(range(theirs.n)):
@@ -67,8 +66,7 @@ def match_joints(ours: ReadBack, theirs: ReadBack) -> Match | tuple[str, str]:
     record = theirs.in_order(order, bodies, **own)
     positions = None if sequence is None else np.argsort(sequence)[order]
     if is_tree:
-        parents = np.append(np.argsort(order), -1)[theirs.parents[order]]
-        elsewhere = parents != ours.parents
+        elsewhere = np.append(np.argsort(order), -1)[theirs.parents[order]] != ours.parents
         positions = None if elsewhere.any() else np.arange(ours.n)
     else:
         elsewhere = np.full(ours.n, True) if positions is None else positions != np.arange(ours.n)

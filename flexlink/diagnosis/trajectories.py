@@ -218,9 +218,8 @@ def _difference(ours: Trajectory, scene: Scene, name: str, coarse: Trajectory | 
     rows = slice(len(q))
     angles = np.abs(q - ours.q[rows])
     row, joint = np.unravel_index(int(angles.argmax()), angles.shape)
-    tips = tip_position(ours.chain, q)
     return RunDifference(
         name, float(angles.max()), float(np.abs(qd - ours.qd[rows]).max()),
-        float(np.linalg.norm(tips - ours.tip[rows], axis=1).max()), float(ours.t[row]),
+        float(np.linalg.norm(tip_position(ours.chain, q) - ours.tip[rows], axis=1).max()), float(ours.t[row]),
         ours.chain.joint_name(int(joint)), allowed, diverged,
     )  # fmt: skip

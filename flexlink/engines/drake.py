@@ -170,8 +170,7 @@ class DrakeEngine(OtherProgram):
         state = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
         inverse = np.argsort(order)
         plant.SetPositionsAndVelocities(state, np.concatenate([q[0][inverse], qd[0][inverse]]))
-        integrator = ResetIntegratorFromFlags(simulator, methods[run.method], run.fixed_step)
-        integrator.set_fixed_step_mode(True)
+        ResetIntegratorFromFlags(simulator, methods[run.method], run.fixed_step).set_fixed_step_mode(True)
         simulator.Initialize()
         for row in range(1, len(t)):
             try:

@@ -202,8 +202,7 @@ class _System:
     def _drive(self, torques: UserFunction | None, wrench: base.TipWrench | None) -> None:
         self.mbs.SetObjectParameter(self.tree, "forceUserFunction", torques or 0)
         for load, part in ((self.force, slice(3)), (self.moment, slice(3, 6))):
-            function = 0 if wrench is None else self._part(wrench, part)
-            self.mbs.SetLoadParameter(load, "loadVectorUserFunction", function)
+            self.mbs.SetLoadParameter(load, "loadVectorUserFunction", 0 if wrench is None else self._part(wrench, part))
             self.mbs.SetLoadParameter(load, "bodyFixed", wrench is not None and wrench.follows)
 
     def _part(self, wrench: base.TipWrench, part: slice) -> UserFunction:

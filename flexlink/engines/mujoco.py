@@ -77,10 +77,8 @@ class MujocoEngine(OtherProgram):
         engine = cls.__new__(cls)
         record = mujoco_reader.read(model, spec, file.base)
         if file.format == "urdf":
-            unspecified = frozenset(
-                {"gravity", "stiffness", "rest", "armature", "coulomb_width", "autoreset", *COUPLED_FIELDS}
-            )
-            record = dataclasses.replace(record, unspecified=unspecified, integrator="", step=None)
+            lacks = {"gravity", "stiffness", "rest", "armature", "coulomb_width", "autoreset", *COUPLED_FIELDS}
+            record = dataclasses.replace(record, unspecified=frozenset(lacks), integrator="", step=None)
         engine._use(model, record, reference=file.base)
         # of a foreign file only torques and accelerations are computed; actuators and steps are compared in the record
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)

@@ -239,8 +239,7 @@ def _kind(model: Any, number: int) -> str:
         ("biastype", mujoco.mjtBias, {mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE}),
     )  # fmt: skip
     for field, kinds, plain in named:
-        value = kinds(getattr(model, f"actuator_{field}")[number])
-        if value not in plain:
+        if (value := kinds(getattr(model, f"actuator_{field}")[number])) not in plain:
             return f"{field} {value.name.rpartition('_')[2].lower()}"
     free = model.jnt_type[model.actuator_trnid[number, 0]] == mujoco.mjtJoint.mjJNT_FREE
     return "at a floating base" if free else ""

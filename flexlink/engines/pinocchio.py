@@ -109,7 +109,9 @@ class PinocchioEngine(OtherProgram):
         self.coordinates = Coordinates(order, base, floating)
         own = {joint.get("name"): joint.find("flexlink") for joint in robot.findall("joint")}
         elements = [own.get(name) for name in self.names]
-        self.stiffness, self.rest, self.coulomb_width, armature = (_own(elements, key) for key in not_in_urdf)
+        self.stiffness, self.rest, self.coulomb_width, armature = (
+            np.array([0.0 if each is None else float(each.get(key, 0)) for each in elements]) for key in not_in_urdf
+        )
         self.coulomb_width[[name in BASE_JOINTS for name in self.names]] = 1.0
         self.damping, self.coulomb = np.array(model.damping)[order], np.array(model.friction)[order]
         self.gear = transmissions(robot, self.names)
@@ -179,13 +181,10 @@ class PinocchioEngine(OtherProgram):
     ) -> Array:
         """Return q̈, with the accelerations `held` at joints with a given motion."""
         pushed = tau if wrench is None else tau + self._wrench_torque(q, wrench, follows=follows)
-        total = pushed - self.elastic_torque(q)
-        total -= self.friction_torque(qd)
-        p = self.held
+        total, p = pushed - self.elastic_torque(q) - self.friction_torque(qd), self.held
         if len(p) == 0:
             theirs = self.coordinates
-            state = theirs.position(q), theirs.rates(q, qd)
-            a = pin.aba(self.model, self.data, *state, theirs.torques(q, total))
+            a = pin.aba(self.model, self.data, theirs.position(q), theirs.rates(q, qd), theirs.torques(q, total))
             return theirs.our_accelerations(q, qd, a)
         f, M = self._free, self.mass_matrix(q)
         qdd, rhs = held.copy(), total - self.bias_torque(q, qd) - M[:, p] @ held[p]
@@ -242,11 +241,6 @@ def pulls(rows: Rows, g: Array, v: Array, l: Array) -> Array:
     δ, k = g - np.clip(g, rows["low"], rows["high"]), np.where(oil | np.isinf(rows["stiffness"]), 0, rows["stiffness"])
     λ = k * δ * np.maximum(0.0, 1.0 + rows["dissipation"] * np.sign(δ) * v) + rows["damping"] * v
     return np.asarray(λ - (A * np.maximum(-101325.0, p)).sum(axis=1))  # 1 atm below the air: empty
-
-
-def _own(elements: Sequence[ET.Element | None], key: str) -> Array:
-    """Return an attribute of flexlink's custom elements, joint by joint; 0 if there is none."""
-    return np.array([0.0 if element is None else float(element.get(key, 0)) for element in elements])
 
 
 # Record of a Pinocchio model; springs and other values that URDF cannot store come from flexlink's custom elements.

@@ -159,8 +159,7 @@ def merge_bodies(owner: Indices, masses: Array, centers: Array, inertias: Array,
     np.add.at(total, k, m)
     np.add.at(moment, k, m[:, None] * c)
     center = np.divide(moment, total[:, None], out=points.copy(), where=total[:, None] != 0)
-    d = c - center[k]
-    np.add.at(inertia, k, I + parallel_axis(m, d))
+    np.add.at(inertia, k, I + parallel_axis(m, c - center[k]))
     return {"masses": total, "centers": center, "inertias": inertia, "parts": Parts(k, I)}
 
 

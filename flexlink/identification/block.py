@@ -172,11 +172,7 @@ class Block:
 
 
 def unit_in(name: str) -> str:
-    """Return the unit in the name of a column.
-
-    >>> print(unit_in("tip x [m]"))
-    m
-    """
+    """Return the unit in the name of a column, such as m in "tip x [m]"."""
     return name.rpartition("[")[2].rstrip("]")
 
 

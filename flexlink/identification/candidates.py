@@ -228,8 +228,7 @@ class Bench:
         columns = self._recorded(run, changes, t)
         where = f", joint {link}" if link else ""
         blocks = [(b, float(np.median(b.σ))) for b in source.blocks]
-        noise = {b.name: rounded(σ) for b, σ in blocks if np.ptp(columns[b.name]) > σ}
-        if not noise:
+        if not (noise := {b.name: rounded(σ) for b, σ in blocks if np.ptp(columns[b.name]) > σ}):
             raise ArgumentError("no column changes by more than its noise", id="no-effect")
         unknown = {key: tuple(b.name for b, _ in blocks if key in b.linear and b.name in noise) for key in LINEAR}
         unknown["delay"] = tuple(head for head in run.delay if head_of(head)[0] in {head_of(name)[0] for name in noise})

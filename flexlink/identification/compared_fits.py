@@ -87,8 +87,7 @@ class FitComparison:
         return self.names[int(np.argmin(self.bic))]
 
     def _size(self, columns: Sequence[FittedColumn]) -> float:
-        best = self.fits[int(np.argmin(self.bic))]
-        noise = {(one.source, one.name): one.noise for one in best.columns}
+        noise = {(one.source, one.name): one.noise for one in self.fits[int(np.argmin(self.bic))].columns}
         scale = [noise.get((one.source, one.name), one.noise) or one.noise or 1.0 for one in columns]
         pairs = zip(columns, scale, strict=True)
         squares = [len(one.measured) * (one.off(one.after) / above_zero) ** 2 for one, above_zero in pairs]

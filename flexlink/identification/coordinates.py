@@ -76,11 +76,8 @@ class Coordinate:
 
 def coordinates_of(problem: FitProblem) -> tuple[Coordinate, ...]:
     """Coordinates of all parameters; parameters of single runs come last."""
-    found = [coordinate_of(problem.scene, parameter) for parameter in problem.parameter]
-    for run in problem.run:
-        if run.use == "fit":
-            found += run_coordinates(problem, run)
-    return tuple(found)
+    of_runs = (one for run in problem.run if run.use == "fit" for one in run_coordinates(problem, run))
+    return *(coordinate_of(problem.scene, parameter) for parameter in problem.parameter), *of_runs
 
 
 def guess_of(coordinates: Sequence[Coordinate]) -> Array:

@@ -128,8 +128,7 @@ def _from_start(run: FitRun, scene: Scene, measured: Measured) -> tuple[Measured
         measured = measured._replace(t=begin + (t - zero))
         t = measured.t
     between, late = float(np.median(np.diff(t))), float(t[0]) - begin
-    before = int((t < begin - 1e-9).sum())
-    if before:
+    if before := int((t < begin - 1e-9).sum()):
         text = f"{plural(before, 'sample')} before the scene's start at {begin:g} s not used"
         return measured, (Diagnostic(text, "samples-before-start"),)
     if late <= 1.5 * between or run.window is not None:
@@ -238,11 +237,7 @@ def slowest_mode(scene: Scene) -> float:
 
 
 def in_periods(t: Array, hertz: float) -> str:
-    """Text with the length of a record and the number of periods of the slowest mode that it contains.
-
-    >>> print(in_periods(np.linspace(0.0, 3.0, 601), 2.5))
-    3 s, 7.5 periods of the slowest mode, 2.5 Hz
-    """
+    """Text with the length of a record and the number of periods of the slowest mode that it contains."""
     length = float(t[-1] - t[0])
     periods = f", {length * hertz:.3g} periods of the slowest mode, {hertz:.3g} Hz" if hertz > 0 else ""
     return f"{length:.4g} s{periods}"
@@ -340,8 +335,7 @@ def sagged(problem: FitProblem, part: FitStatic, number: int) -> Source:
         return float(tip_position(chain, rest.q)["xyz".index(part.axis)])
 
     def of(scene: Scene) -> list[Array]:
-        before = 0.0 if part.before is None else tip(scene.varied(part.before))
-        return [np.array([tip(scene) - before])]
+        return [np.array([tip(scene) - (0.0 if part.before is None else tip(scene.varied(part.before)))])]
 
     scene = problem.scene.varied(part.set) if part.set else problem.scene
     block = Block(f"tip {part.axis} [m]", np.array([part.value]), np.array([part.deviation]), True)
@@ -371,8 +365,7 @@ def responded(problem: FitProblem, part: FitFrf, number: int) -> Source:
 
 def _not_zero(size: Array) -> Array:
     """Magnitudes with zeros, whose logarithm is infinite, replaced by a small part of the largest one."""
-    least = 1e-12
-    return np.asarray(np.maximum(size, least * (size.max() or 1.0)))
+    return np.asarray(np.maximum(size, 1e-12 * (size.max() or 1.0)))
 
 
 def sources_of(problem: FitProblem, use: Use) -> list[Source]:

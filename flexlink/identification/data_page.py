@@ -125,9 +125,8 @@ def _in_words(shown: Sequence[Shown]) -> tuple[str, ...]:
     """Sentences on gaps, uneven intervals and outliers."""
     if not shown:
         return ("Predictions are those of the scene at the initial guess. Nothing was fitted.",)
-    kinds = {"gap": "gaps", "uneven interval": "uneven", "outlier": "outliers"}
     found = []
-    for kind, name in kinds.items():
+    for kind, name in {"gap": "gaps", "uneven interval": "uneven", "outlier": "outliers"}.items():
         several = [f"{one.title} ({len(getattr(one, name))})" for one in shown if len(getattr(one, name))]
         found.append(f"{kind.capitalize()}s: {', '.join(several)}." if several else f"No {kind}s.")
     marks = (

@@ -14,13 +14,18 @@ from flexlink.describe import spec
 from flexlink.describe.spec import Deviation, Positive, Spec, Vector3
 
 
-class ColumnExperiment(Spec, frozen=True):
-    """One more column in a repeat of a recorded run: a column of every run, or the readings of a new sensor."""
+class Experiment(Spec, frozen=True):
+    """What all experiments have."""
 
     name: str
-    """Name of the instrument, in messages."""
+    """Name of the experiment or instrument, in messages."""
     reason: str
-    """Reason for the assumed noise, such as the kind of instrument."""
+    """Reason for the assumed deviation, such as the kind of instrument, or for the motion."""
+
+
+class ColumnExperiment(Experiment, frozen=True):
+    """One more column in a repeat of a recorded run: a column of every run, or the readings of a new sensor."""
+
     columns: str = ""
     """Regular expression for the names of columns of runs."""
     sensor: dict[str, Any] = msgspec.field(default_factory=dict)
@@ -45,13 +50,9 @@ class ColumnExperiment(Spec, frozen=True):
         _check_pattern("columns", self.columns)
 
 
-class StaticExperiment(Spec, frozen=True):
+class StaticExperiment(Experiment, frozen=True):
     """Change of the tip's position under a known weight, with all driven joints locked."""
 
-    name: str
-    """Name of the experiment, in messages."""
-    reason: str
-    """Reason for the assumed deviation."""
     deviation: Deviation
     """Standard deviation of the change [m]."""
     kilograms: Annotated[tuple[Positive, ...], msgspec.Meta(min_length=1)]
@@ -60,13 +61,9 @@ class StaticExperiment(Spec, frozen=True):
     """Largest change, as a fraction of the arm's reach [1]."""
 
 
-class ModesExperiment(Spec, frozen=True):
+class ModesExperiment(Experiment, frozen=True):
     """Natural frequencies from a tap test at rest."""
 
-    name: str
-    """Name of the experiment, in messages."""
-    reason: str
-    """Reason for the assumed deviation."""
     share: Deviation
     """Standard deviation of a frequency as a fraction of the frequency [1]."""
     count: Annotated[int, msgspec.Meta(ge=1)] = 3
@@ -80,13 +77,9 @@ class ModesExperiment(Spec, frozen=True):
     Default: none."""
 
 
-class MotionExperiment(Spec, frozen=True):
+class MotionExperiment(Experiment, frozen=True):
     """Another motion, recorded with the columns of a run of the problem."""
 
-    name: str
-    """Name of the motion, in messages."""
-    reason: str
-    """Reason for this motion."""
     scale: dict[str, Any] = msgspec.field(default_factory=dict)
     """Factors of numbers or of lists of numbers, by path. "{link}" in a path is each driven link in turn."""
     add: dict[str, float] = msgspec.field(default_factory=dict)
@@ -101,13 +94,9 @@ class MotionExperiment(Spec, frozen=True):
     """Masses that can be clamped to the end of the last link [kg], as in a tap test. Default: none."""
 
 
-class PriorExperiment(Spec, frozen=True):
+class PriorExperiment(Experiment, frozen=True):
     """Measurement of a sought parameter itself, which becomes its prior."""
 
-    name: str
-    """Name of the measurement, in messages."""
-    reason: str
-    """Reason for the assumed deviation."""
     paths: str
     """Regular expression for the paths of parameters that can be measured in this way."""
     deviation: Deviation | None = None

@@ -54,7 +54,7 @@ class Fault(NamedTuple):
         rate = f"{100 * abs(size):.2g} ± {196 * self.deviation:.1g} % {'fast' if size > 0 else 'slow'}"
         late, later = ("late", "later") if size > 0 else ("early", "earlier")
         better = f"{self.run}{f': {self.column}' * bool(self.column)} is better explained"
-        found = {
+        return {
             "delay": Diagnostic(f"{better} {ms} {late}: {key}", "likely-delay"),
             "start": Diagnostic(f"{better} if the scene starts {ms} {later}: start = 'unknown'", "likely-start"),
             "clock": Diagnostic(f"{better} by a clock that runs {rate}: clock = true", "likely-clock"),
@@ -62,8 +62,7 @@ class Fault(NamedTuple):
             "drift": Diagnostic(f"{better} with a drift of {size:.2g} ± {wide}{unit}/s: {key}", "likely-drift"),
             "gain": Diagnostic(f"{better} with a gain of {1 + size:.3g} ± {wide}: {key}", "likely-gain"),
             "sign": Diagnostic(f"{better} with the opposite sign: reverse it", "likely-sign"),
-        }
-        return found["sign" if self.kind == "gain" and size < -1 else self.kind]
+        }["sign" if self.kind == "gain" and size < -1 else self.kind]
 
 
 def faults(search: Search, found: Found) -> list[Fault]:
@@ -94,8 +93,7 @@ def warnings_of_faults(search: Search, found: Found) -> tuple[Diagnostic, ...]:
         named, far = faults(search, found), outliers(search, found)
         runs = [source.name for source in search.signals.sources if source.is_run and (named or far)]
         refitted = filter(None, [with_timing(search, found, run) for run in runs])
-        best = min(refitted, key=lambda one: one[2].cost, default=None)
-        if best is not None:
+        if (best := min(refitted, key=lambda one: one[2].cost, default=None)) is not None:
             fault, search, found = best
             named, far = [fault, *faults(search, found)], outliers(search, found)
     except FlexlinkError as error:
@@ -135,7 +133,8 @@ def mixups(at: Likelihood) -> list[Diagnostic]:
     for source, part in zip(at.sources, at.rows, strict=True):
         columns = [(row.block, row.y) for row in part if row.block.t is not None]
         for block, values in columns:
-            r = _correlation(block.y, values)
+            with np.errstate(invalid="ignore", divide="ignore"):  # nan of constant columns
+                r = float(np.corrcoef(block.y, values)[0, 1])
             if r < -alike:
                 text = f"{source.name}: {block.name} resembles the negative of its prediction (correlation {r:.2f}); "
                 found.append(Diagnostic(f"{text}reverse its sign", "likely-sign"))
@@ -150,12 +149,6 @@ def mixups(at: Likelihood) -> list[Diagnostic]:
 
 def _off(a: Array, b: Array) -> float:
     return float(np.linalg.norm(a - b))
-
-
-def _correlation(a: Array, b: Array) -> float:
-    a, b = a - a.mean(), b - b.mean()
-    size = float(np.linalg.norm(a) * np.linalg.norm(b))
-    return float(a @ b) / size if size > 0 else 0.0
 
 
 def outliers(search: Search, found: Found) -> list[Diagnostic]:

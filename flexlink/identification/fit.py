@@ -67,9 +67,8 @@ def check_fit(problem: FitProblem) -> Check:
     problem = require_type("problem", problem, FitProblem)
     coordinates, sources = coordinates_of(problem), sources_of(problem, "fit")
     data_notes = notes([*sources, *sources_of(problem, "check")])
-    x = guess_of(coordinates)
     blocks = [with_noise_of_data(source.blocks) for source in sources]
-    return _check(Signals(sources, coordinates), x, blocks, data_notes, problem.tolerance)
+    return _check(Signals(sources, coordinates), guess_of(coordinates), blocks, data_notes, problem.tolerance)
 
 
 def fit(
@@ -174,7 +173,8 @@ def _fit(
     covariance = systematic.covariance_of(coordinates, best.x, spread.covariance, errors.shifts)
     return Fitted(
         problem, problem.scene.varied(changes), numbers, spread.correlation, after, columns,
-        tuple((_values(coordinates, end.x), end.cost) for end in found), signals.runs, found_warnings, covariance,
+        tuple((tuple(map(Coordinate.value, coordinates, end.x.tolist())), end.cost) for end in found), signals.runs,
+        found_warnings, covariance,
     )  # fmt: skip
 
 
@@ -193,10 +193,6 @@ def quick_estimates(problem: FitProblem, worth: float) -> tuple[Estimate, ...]:
         return ()
     at = search.at(search.near(x), blocks)
     return tuple(estimates(at, spread_at(at)))
-
-
-def _values(coordinates: Sequence[Coordinate], x: Array) -> tuple[float, ...]:
-    return tuple(one.value(float(at)) for one, at in zip(coordinates, x, strict=True))
 
 
 def _searched(search: Search, points: Sequence[Array], report: Callable[[str], None]) -> list[Found]:

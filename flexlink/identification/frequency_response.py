@@ -237,9 +237,8 @@ def frequency_response(t: ArrayLike, u: ArrayLike, y: ArrayLike, *, segment: flo
     f, across = scipy.signal.csd(inputs, outputs, **how)
     of_input, of_output = scipy.signal.welch(inputs, **how)[1], scipy.signal.welch(outputs, **how)[1]
     known = (f > 0) & (of_input > 0) & (of_output > 0)
-    H = across[known] / of_input[known]
     coherence = np.abs(across[known]) ** 2 / (of_input[known] * of_output[known])
-    return FrequencyResponse(f[known], H, np.minimum(coherence, 1.0), _averages(n, size))
+    return FrequencyResponse(f[known], across[known] / of_input[known], np.minimum(coherence, 1.0), _averages(n, size))
 
 
 def _averages(samples: int, size: int) -> float:

@@ -265,8 +265,7 @@ class Rise:
 
 def first_rejected(rejected: Callable[[float], bool], values: Sequence[float], halvings: int = 0) -> float | None:
     """First rejected value moving outwards, by bisection; the last one if none is rejected; None if the first is."""
-    at = next((k for k, value in enumerate(values) if rejected(value)), None)
-    if not at:
+    if not (at := next((k for k, value in enumerate(values) if rejected(value)), None)):
         return None if at == 0 else values[-1]
     inside, value = values[at - 1], values[at]
     for _ in range(halvings):

@@ -72,9 +72,7 @@ def _centred(block: Block) -> Array:
 
 
 def _solved(Φ: Array, target: Array) -> Array:
-    if not Φ.shape[1]:
-        return np.zeros((0, *target.shape[1:]))
-    return np.asarray(np.linalg.lstsq(Φ, target, rcond=None)[0])
+    return np.asarray(np.linalg.lstsq(Φ, target, rcond=None)[0]) if Φ.shape[1] else np.zeros((0, *target.shape[1:]))
 
 
 def white(block: Block) -> Block:

@@ -217,8 +217,7 @@ def _drawn(fitted: Fitted) -> list[FittedColumn]:
 def _beside(fitted: Fitted) -> tuple[Picture, ...]:
     """Pictures of the measured columns beside their predictions, and of the residuals; none without runs."""
     visible = 5.0  # the linear model is drawn if its residual is at most this multiple of the scene's residual
-    drawn = _drawn(fitted)
-    if not drawn:
+    if not (drawn := _drawn(fitted)):
         return ()
     curves = [{"measured": one.measured, "before": one.before, "fitted": one.after} for one in drawn]
     residuals = [{"fitted": one.after - one.measured} for one in drawn]

@@ -267,13 +267,11 @@ class FitProblem(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         names = [run.name for run in self.run]
-        twice = [name for name in names if names.count(name) > 1]
-        if twice:
+        if twice := [name for name in names if names.count(name) > 1]:
             raise SceneError(f"run.name = {twice[0]!r}: two runs have this name; rename one", id="name-twice")
         paths = [parameter.path for parameter in self.parameter]
         for paths_of_run in (paths, *([*paths, *(p.path for p in run.parameter)] for run in self.run)):
-            twice = [path for path in paths_of_run if paths_of_run.count(path) > 1]
-            if twice:
+            if twice := [path for path in paths_of_run if paths_of_run.count(path) > 1]:
                 raise SceneError(f"parameter.path = {twice[0]!r}: given twice; remove one", id="parameter-twice")
         for key in ("run", "modes", "static", "frf"):  # none may set a parameter that is estimated for all runs
             for part in getattr(self, key):

@@ -211,7 +211,6 @@ class Proposals:
 
     def part(self) -> Part:
         """Chapter of a page: a table of the experiments, and the tables for the problem file."""
-        names = [name for name, _ in self.values]
         listed = (*self.best, *self.sets)
         reasons = ["; ".join(c.reason for c in one.candidates) for one in listed]
         rows: tuple[tuple[Cell, ...], ...] = tuple(
@@ -228,7 +227,7 @@ class Proposals:
             *(f"Note: {note}." for note in self.notes),
         )
         texts = "\n".join(f"# {one.text}\n{one.toml}" for one in listed)
-        heads = ("rank", "experiment", "reason", *names, "not identifiable")
+        heads = ("rank", "experiment", "reason", *(name for name, _ in self.values), "not identifiable")
         return Part(
             sentences, literal=texts, literal_title="Tables for the problem file",
             tables=(Table("proposals", "What to measure next", heads, rows),),

@@ -189,14 +189,14 @@ def _moves(signals: Signals, x: Array, k: int) -> str:
     rounded = 1e-6
     moves = 1e-3  # smallest change that counts, relative to the range of all columns of the same unit
     by = 0.05  # change of the coordinate x_k, whose effect on the columns is computed
-    runs = [n for n, one in enumerate(signals.sources)
-            if one.is_run and signals.coordinates[k].run in ("", one.name)]  # fmt: skip
-    if not runs:
+    own = signals.coordinates[k].run
+    first = next((n for n, one in enumerate(signals.sources) if one.is_run and own in ("", one.name)), None)
+    if first is None:
         return ""
-    source, moved_point = signals.sources[runs[0]], x.copy()
+    source, moved_point = signals.sources[first], x.copy()
     moved_point[k] += by if x[k] + by < signals.coordinates[k].bounds[1] else -by
     try:
-        before, after = (simulate(signals.scene(runs[0], point)).columns for point in (x, moved_point))
+        before, after = (simulate(signals.scene(first, point)).columns for point in (x, moved_point))
     except FlexlinkError:
         return ""
     names = [name for name in before if name != "t [s]" and unit_in(name) != "J"]

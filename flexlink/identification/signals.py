@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.data import Source
 from flexlink.motion.batch import outcomes
 from flexlink.motion.side_by_side import Block
-from flexlink.motion.slopes_of_runs import CENTRAL, FORWARD, Places, mirrored, moved, neighbours
+from flexlink.motion.slopes_of_runs import CENTRAL, FORWARD, Places, mirrored, moved, neighbours, or_error
 from flexlink.results.stop_reasons import InterruptedRunError
 from flexlink.results.trajectory import Trajectory
 
@@ -121,10 +120,10 @@ class Signals:
         scenes: dict[bytes, Scene | FlexlinkError] = {}  # points that differ in times only have one scene
         for key, x in zip(keys, points, strict=True):
             if key not in scenes:
-                scenes[key] = _or_error(self.scene, number, x)
+                scenes[key] = or_error(self.scene, number, x)
         if source.at_rest is not None:
             single = {
-                key: scene if isinstance(scene, FlexlinkError) else _or_error(source.at_rest, scene)
+                key: scene if isinstance(scene, FlexlinkError) else or_error(source.at_rest, scene)
                 for key, scene in scenes.items()
             }
             return [single[key] for key in keys]
@@ -142,10 +141,3 @@ class Signals:
             return self.sources[number].model(end, [(self.coordinates[k], float(x[k])) for k in self._timing[number]])
         assert isinstance(end, FlexlinkError)
         return end
-
-
-def _or_error(function: Callable[..., Any], *arguments: object) -> Any:
-    try:
-        return function(*arguments)
-    except FlexlinkError as error:
-        return error

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -81,7 +81,6 @@ class Search:
         loss = self.loss if self.loss != "trimmed" else "linear" if trimmed else "soft_l1"
         change = 1e-4 if rough else 1e-12  # tolerance of an intermediate, and of the final search
         smallest = 1e-8  # step of x: the cost of runs is accurate to 1e-11, which makes smaller steps meaningless
-        end: dict[str, Any] = {"ftol": change, "xtol": max(smallest, change), "gtol": change}
 
         def whole(part: Array) -> Array:
             point = x.copy()
@@ -91,7 +90,7 @@ class Search:
         found = scipy.optimize.least_squares(
             lambda part: self._residual(whole(part), blocks), np.clip(x[free], *bounds),
             lambda part: self._jacobian(whole(part), blocks)[:, free], bounds=bounds, loss=loss, x_scale=1.0,
-            max_nfev=30 if rough else 100, **end,
+            max_nfev=30 if rough else 100, ftol=change, xtol=max(smallest, change), gtol=change,
         )  # fmt: skip
         return whole(np.asarray(found.x))
 

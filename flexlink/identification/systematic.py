@@ -150,8 +150,7 @@ VERSIONS = 6  # number of versions of the recorded angles with added noise
 
 def input_error(search: Search, best: Found, problem: FitProblem) -> Shifts:
     """Errors due to recorded motions: by versions with added noise, divided by √VERSIONS, then by the cutoff."""
-    runs = {run.name: run for run in problem.run if run.use == "fit" and _filtered(run)}
-    if not runs:
+    if not (runs := {run.name: run for run in problem.run if run.use == "fit" and _filtered(run)}):
         return Shifts()
     described = [_described(problem.scene, motion) for run in runs.values() for motion in _filtered(run)]
     words = tuple(text for text, _ in described)
@@ -177,8 +176,7 @@ def warnings_of_inputs(numbers: Sequence[Estimate], found: Shifts) -> list[Diagn
     if not shifts:
         return list(found.doubts)
     text = f"input error: noise or filter of {' and '.join(found.motions)} shift {' and '.join(shifts)}"
-    remedy = "try cutoff = 'auto', or measure the angle more finely"
-    return [*found.doubts, Diagnostic(f"{text}; {remedy}", "input-error")]
+    return [*found.doubts, Diagnostic(f"{text}; try cutoff = 'auto', or measure the angle more finely", "input-error")]
 
 
 def _described(scene: Scene, motion: PrescribedMotion) -> tuple[str, Diagnostic | None]:

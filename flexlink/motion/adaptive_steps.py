@@ -27,8 +27,7 @@ if TYPE_CHECKING:
     from flexlink.motion.sampled_control import Control
 
 
-NEAR = 1e-9
-"""Fraction of the sampling interval within which two times count as equal."""
+NEAR = 1e-9  # fraction of the sampling interval within which two times count as equal
 
 
 class AdaptiveSteps(MethodSteps):
@@ -99,8 +98,7 @@ class AdaptiveSteps(MethodSteps):
             self.control.note(k, *self.state[:2])
             self.reads(self.control.impulse)
         except (LawFailure, KeyboardInterrupt):
-            before = self.control.times[k] - NEAR * self.run.spacing
-            yield int(np.searchsorted(self.record.t, before)), self._part
+            yield int(np.searchsorted(self.record.t, self.control.times[k] - NEAR * self.run.spacing)), self._part
             raise
 
     @property
@@ -136,8 +134,7 @@ class AdaptiveSteps(MethodSteps):
         if how == OUTCOME.stuck and self.run.method == AUTO and np.isfinite(max(fastest_motion(self.record, q))):
             self.rates = {**self.rates, self.name: np.inf}
             able = ("Radau5", "DOP853") if not self.record.tied else ("Radau5",)
-            others = [name for name in able if self.rates.get(name, 0.0) < np.inf]
-            if others:
+            if others := [name for name in able if self.rates.get(name, 0.0) < np.inf]:
                 self.go_on_with(others[0])
                 how, self.rated_since, self.tried_for = int(OUTCOME.goes_on), None, None
         if how == OUTCOME.stuck:

@@ -191,7 +191,6 @@ def _ended(end: Run | Outcome) -> Ended:
 
 def _alone(member: Member, stop: Stop) -> Outcome:
     try:
-        run = SingleRun(member.problem, warnings=member.warnings)
-        return run.finish(stop, compared=member.compared, warn=warn)
+        return SingleRun(member.problem, warnings=member.warnings).finish(stop, compared=member.compared, warn=warn)
     except (FlexlinkError, InterruptedRunError) as error:
         return error

@@ -96,8 +96,7 @@ def warn(text: str) -> None:
 BREATH = 0.1  # time between two checks of samples, signals and the terminal [s]
 
 
-Reached = tuple[int, float]
-"""Progress of a run: number of samples computed, and completed fraction of its duration."""
+Reached = tuple[int, float]  # progress of a run: number of samples computed, and completed fraction of its duration
 
 
 class ChunkSize:

@@ -46,12 +46,9 @@ class Rate(Spec, frozen=True):
     start: NonNegative = 0.0
     body: tuple[NonNegative, ...] = ()
     coupling: NonNegative = 0.0
-    dry: NonNegative = 0.0
-    """Cost for each joint with dry friction [µs]."""
-    driven: NonNegative = 0.0
-    """Cost for each driven joint [µs]."""
-    model: NonNegative = 0.0
-    """Cost for each driven joint whose control law evaluates a rigid model [µs]."""
+    dry: NonNegative = 0.0  # for each joint with dry friction
+    driven: NonNegative = 0.0  # for each driven joint
+    model: NonNegative = 0.0  # for each driven joint whose control law evaluates a rigid model
 
     @property
     def parts(self) -> list[float]:
@@ -83,8 +80,7 @@ def listed(place: str, has: str, kind: str) -> list[list[float]]:
 
 def bodies_of(chain: Chain) -> NDArray[np.intp]:
     """Numbers of bodies of a chain with 0, 1, 2 and 3 hinges; the tip frame is not counted."""
-    hinges = (chain.bodies["stop"] - chain.bodies["first"])[:-1]
-    return np.bincount(np.minimum(hinges, 3), minlength=4)
+    return np.bincount(np.minimum(chain.bodies["stop"] - chain.bodies["first"], 3)[:-1], minlength=4)
 
 
 def parts_of(chain: Chain, drive: Drive | None) -> Array:
@@ -140,9 +136,7 @@ def run_cost(chain: Chain, name: str, evaluations: float) -> float:
 def _evaluation_cost(chain: Chain, stages: int, *, explicit: bool) -> float:
     """CPU time of one evaluation [s], including its share of the other operations of a step if `stages` is not 0."""
     costs = operation_costs(chain, explicit=explicit)
-    if stages == 0:
-        return costs[0]
-    return cost_of_a_step(costs, stages, explicit=explicit) / (_passes(explicit) * stages)
+    return cost_of_a_step(costs, stages, explicit=explicit) / (_passes(explicit) * stages) if stages else costs[0]
 
 
 def cost_of_a_step(costs: list[float], stages: int, *, explicit: bool) -> float:

@@ -63,10 +63,8 @@ def stuck(record: Record, q: Array, t: float, h: float, *, unsolved: int | None,
 
 def loop_is_unstable(record: Record) -> bool:
     """Whether small motion grows from sampling instant to instant with a sampled drive, but not without the drive."""
-    # minimum relative excess over the growth without the drive, since motion of a toppling arm grows anyway
-    faster_growth = 1e-3
     growth, without = sampled_growth(record)
-    return growth > max(1.0, without) * (1.0 + faster_growth)
+    return growth > max(1.0, without) * (1.0 + 1e-3)  # motion of a toppling arm grows anyway
 
 
 def loop_grows(record: Record) -> bool:
@@ -88,8 +86,7 @@ def loop_warning(record: Record) -> tuple[Diagnostic, ...]:
 
 def unstable_loop(record: Record) -> tuple[str, str]:
     """What grows in an unstable loop, and what makes it stable."""
-    loop = _loop(record)
-    if loop is None:
+    if (loop := _loop(record)) is None:
         return "control loop unstable", "use lower gains"
     from flexlink.motion.loop.instability import instability  # noqa: PLC0415  explains what has failed
 
@@ -145,8 +142,7 @@ def sampled_growth(record: Record) -> tuple[float, float]:
     They are those of the `Loop` about the start of the run. If the drive is not sampled, both factors are 0. The factor
     without the drive is computed only if the first one exceeds 1, else it is 1.
     """
-    loop = _loop(record)
-    if loop is None:
+    if (loop := _loop(record)) is None:
         return 0.0, 0.0
     return loop.growth, loop.growth_without if loop.growth > 1.0 else 1.0
 

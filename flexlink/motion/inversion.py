@@ -274,12 +274,11 @@ def driven_scene(scene: Scene, chain: Chain, found: Feedforward) -> tuple[Scene,
     rows: dict[str, Rows] = {}
     for key, part in zip(OF_MOTION, from_rest_to_rest(found), strict=True):
         rows |= by_unit(scene, chain, key, part[:, chain.active])
-    torques = acting_torques(scene, found)
     table = tuple(times.tolist())
     driven = Drive(
         kind="pd", kp=drive.kp, kd=drive.kd, reference=Reference(profile="smooth", times=table, **rows),  # type: ignore[arg-type]
-        times=table, torques=per_link(scene, chain, torques), smooth=True, effort=drive.effort, rate=drive.rate,
-        delay=drive.delay,
+        times=table, torques=per_link(scene, chain, acting_torques(scene, found)), smooth=True, effort=drive.effort,
+        rate=drive.rate, delay=drive.delay,
     )  # fmt: skip
     spacing = _spacing(scene, found.move.duration)
     samples = math.ceil(max(run.duration + shift, times[-1]) / spacing - 1e-9)

@@ -84,8 +84,7 @@ def reads_rates(record: Record) -> bool:
     return record.inputs.drive.rate > 0 and bool((record.chain.stiffness > 0).any())
 
 
-PRICES = Memo(64)
-"""Cache of the costs of operations and steps, which arms of one layout and with like drives share."""
+PRICES = Memo(64)  # cache of the costs of operations and steps, which arms of one layout and with like drives share
 
 
 def prices(record: Record, *, explicit: bool) -> list[float]:

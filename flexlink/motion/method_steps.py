@@ -40,8 +40,7 @@ from flexlink.motion.stop_times import StopTimes, only
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
 
-NEVER = 2**62
-"""A number of steps that no run reaches."""
+NEVER = 2**62  # a number of steps that no run reaches
 
 
 class MethodSteps:

@@ -174,8 +174,9 @@ class Monitor:
                 self.n_valid, wrong = self._balance.look(begin, end, self.record.samples, self._allowance(name))
         if seen[SEEN.garbage] >= 0 or seen[SEEN.bent] or seen[SEEN.beyond]:
             for row, key, text in sorted(self._findings(slice(first, self.n_valid)), key=lambda found: found[0]):
-                if key != "bend" or not self._diverges:
-                    self._warn(key, row, text)
+                if key not in self._warned and (key != "bend" or not self._diverges):
+                    self._warned.add(key)
+                    self.warnings.append(Diagnostic(f"t = {self.record.t[row]:.6g} s: {text}", text.id))
         if seen[SEEN.garbage] >= 0 and self.run.unstable != "allow":
             unbalanced = f"{self._imbalance()} (at most {balance.SHARE:.0%} allowed)"
             self.failure = Diagnostic(unbalanced, "energy-imbalance")
@@ -329,11 +330,6 @@ class Monitor:
     def travelled(self) -> float:
         """Angle [rad] travelled, back and forth, by free joints in all steps, or by driven joints between samples."""
         return max(self.angle_travelled, float(self._balance.seen[SEEN.travelled]))
-
-    def _warn(self, key: str, row: int, text: Diagnostic) -> None:
-        if key not in self._warned:
-            self._warned.add(key)
-            self.warnings.append(Diagnostic(f"t = {self.record.t[row]:.6g} s: {text}", text.id))
 
 
 # Tip errors of fixed steps: one step h is compared with two steps h/2, at samples that represent all steps.

@@ -40,10 +40,8 @@ Law = Callable[..., ArrayLike]
 
 A law with a parameter `sensors` also gets the sensor readings, by the names of their columns.
 """
-SENSORS = "sensors"
-"""Name of the parameter through which a law gets sensor readings."""
-Tableau = tuple[Array, Array, Array]
-"""Butcher tableau A, b, c of a method."""
+SENSORS = "sensors"  # name of the parameter through which a law gets sensor readings
+Tableau = tuple[Array, Array, Array]  # Butcher tableau A, b, c of a method
 
 
 class Control:
@@ -93,10 +91,7 @@ class Control:
     def torque(self, t: float, q: Array, qd: Array, sensors: dict[str, dict[str, float]] | None = None) -> Array:
         """Torques of the law, limited to the drive's `effort`, shape (d,); `sensors`: readings for the law.
 
-        Raises
-        ------
-        LawFailure
-            The law raises an exception, or does not return d finite numbers.
+        A LawFailure is raised if the law raises an exception, or does not return d finite numbers.
         """
         if self.base is not None:
             q, qd = self.base.relative_to_start(q, qd)
@@ -132,10 +127,7 @@ class Control:
     def pieces(self, record: Record, run: RunSettings, state: tuple[Array, Array, Array]) -> Iterator[int]:
         """Integrate; yield the number of the last step with a finite state, first 0, about every `BREATH`.
 
-        Raises
-        ------
-        LawFailure
-            As in `torque`; the samples before that instant are valid.
+        If the law fails, the samples before that instant are valid.
         """
         last, go = (run.samples - 1) * run.steps_per_sample, self._sampled if self.sampled else self._continuous
         tableau, pace, number = method(run.method).arrays, ChunkSize(record.chain.n), 0
@@ -219,13 +211,10 @@ def impulses(memory: Array, chain: Chain, tau: Array, qd: Array, period: float) 
 def control_of(
     problem: InitialValueProblem, law: Law | None, rate: float | None, delay: float, before: Array | None
 ) -> Control | None:
-    """The checked control law of a run, or None.
+    """The control law of a run, or None.
 
-    Raises
-    ------
-    ArgumentError
-        The law is not callable, the scene also has a drive, the rate does not fit the step or is likely a period, or
-        the method has no stages at which a law can be evaluated.
+    Refused are laws that are not callable or given in addition to a drive, rates that do not fit the step or are likely
+    a period, and methods without stages at which a law can be evaluated.
     """
     require_callable("control", law)
     if law is None:

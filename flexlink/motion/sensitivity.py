@@ -135,8 +135,7 @@ def sensitivities(scene: Scene, parameters: object) -> Sensitivities:
     >>> print((1e3 * slopes.tip[-1, 1, 0]).round(2))  # mm of tip height per kg
     -0.97
     """
-    paths = sequence("parameters", parameters, "path, such as 'tip.mass'")
-    if not paths:
+    if not (paths := sequence("parameters", parameters, "path, such as 'tip.mass'")):
         raise ArgumentError("parameters = (): empty; name at least one path", id="empty")
     found = slopes_of_runs(require_type("scene", scene, Scene), paths)
     (q, of_q), (qd, of_qd), (tip, of_tip) = found.states()

@@ -245,8 +245,7 @@ class Problem:
                 check_method(begun.run)
                 yield SingleRun(begun, control_of(begun, control, rate, delay, before), before, motion=motion)
         finally:
-            few = self.scene.run.samples * self.chain.n < MANY
-            self._idle.append((problem, kept if few else Kept()))
+            self._idle.append((problem, kept if self.scene.run.samples * self.chain.n < MANY else Kept()))
 
     def _check_stored(self, before: Array, drive: Drive) -> None:
         stored = drive.held.shape[1] if drive.rate else len(self.chain.active)
@@ -273,8 +272,7 @@ def _end_of(after: Trajectory, q0: ArrayLike | None, qd0: ArrayLike | None, t0: 
     return require_type("after", after, Trajectory).state(-1)
 
 
-PROBLEMS = Memo(16)
-"""Cache of prepared problems by scene and run settings, for scenes that are simulated repeatedly."""
+PROBLEMS = Memo(16)  # cache of prepared problems by scene and run settings, for scenes that are simulated repeatedly
 
 
 def problem_with(scene: Scene, settings: dict[str, object]) -> Problem:

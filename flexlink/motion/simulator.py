@@ -31,8 +31,7 @@ from flexlink.results.samples import State
 from flexlink.results.stop_reasons import DivergenceError, Failure, ended_early
 from flexlink.results.tip_motion import apart, compared_path
 
-OFTEN = 128
-"""Calls of `step` between two checks of the power balance; the first checks are at calls 1, 2, 4, …"""
+OFTEN = 128  # calls of `step` between two checks of the power balance; the first checks are at calls 1, 2, 4, …
 
 
 class Simulator:
@@ -255,8 +254,7 @@ class Simulator:
             raise
         if fault:
             self._restore(*before)
-            held = end - self._time if tau is not None else 0.0
-            raise self._diverged(fault, held)
+            raise self._diverged(fault, 0.0 if tau is None else end - self._time)
         self._time, self._calls = end, calls
         self._sense(inputs)
         after = self.state

@@ -301,8 +301,7 @@ def _similar(k: int, member: Member | FlexlinkError) -> Member:
         expected = "fixed steps of an explicit method (run.step), dynamics 'articulated', a fixed base, "
         expected += "a constant wrench in frame 0, no force elements and no strain modes"
         why = "; the scene has a tolerance" if member.problem.run.controlled else ""
-        text = f"scenes[{k}]: cannot be advanced side by side; expected {expected}{why}"
-        raise ArgumentError(text, id="not-similar")
+        raise ArgumentError(f"scenes[{k}]: cannot be advanced side by side; expected {expected}{why}", id="not-similar")
     return member
 
 

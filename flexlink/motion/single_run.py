@@ -55,42 +55,18 @@ if TYPE_CHECKING:
     from flexlink.motion.fixed_steps import FixedSteps
     from flexlink.motion.sampled_control import Control
 
-Report = Callable[[float], None] | None
-"""Function that is called with the completed fraction of a run."""
-Warn = Callable[[Diagnostic], None] | None
-"""Function that is called with a warning during a run."""
+Report = Callable[[float], None] | None  # function that is called with the completed fraction of a run
+Warn = Callable[[Diagnostic], None] | None  # function that is called with a warning during a run
 
 
 class SingleRun:
     """A run that is ready to start, with its step checked, its samples allocated and its code compiled.
 
-    Parameters
-    ----------
-    problem
-        Problem to integrate.
-    control
-        Control law in Python that replaces the scene's drive; None: the drive acts.
-    before
-        Torques on their way when an earlier run ended, as in `Trajectory.delayed`; None: none.
-    rows
-        Number of samples to allocate; None: all samples of the run.
-    kept
-        Workspace and machine code of other runs of the problem.
-    warnings
-        Warnings from the check of the step; None: check it.
-    halved
-        Whether the longest steps are halved, as in a verification run.
-    passes
-        Whether long steps of an explicit method may extend beyond samples.
-    motion
-        The motion that this run continues; None: it continues none.
-
-    Raises
-    ------
-    SceneError
-        The method is unknown or cannot do what the run requires, or the samples do not fit into memory.
-    UnstableStepError, ArgumentError, ControlError
-        As in `simulate`.
+    `control` replaces the scene's drive; `before`: torques on their way when an earlier run ended, as in
+    `Trajectory.delayed`; `motion`: what this run continues; `rows`: number of samples to allocate, by default all;
+    `kept`: workspace and machine code of other runs of the problem; `warnings`: from the check of the step, if it has
+    been checked; `halved`: the longest steps are halved, as in a verification run; `passes`: long steps of an explicit
+    method may extend beyond samples. Errors are as in `simulate`.
     """
 
     def __init__(
@@ -403,7 +379,4 @@ def _identify_types(record: Record) -> None:
         record.kept.types = types_of(chain.arrays, *others) + _types_of_drive(drive) + solver
 
 
-@keep_last(64)
-def _types_of_drive(drive: Drive) -> bytes:
-    """Types of the arrays of a drive; cached, since runs share drives."""
-    return types_of(drive)
+_types_of_drive: Callable[[Drive], bytes] = keep_last(64)(types_of)  # runs share drives

@@ -17,7 +17,7 @@ import math
 import operator
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from typing import Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from msgspec.structs import replace
@@ -35,23 +35,16 @@ from flexlink.results.stop_reasons import InterruptedRunError
 from flexlink.results.trajectory import Trajectory
 
 Value = TypeVar("Value")
-Places = tuple[int, ...]
-"""Multiples of the step at which a function is evaluated around a point."""
-CENTRAL: Places = (-1, 1)
-"""Central differences with a second-order error."""
-CENTRAL_4: Places = (-2, -1, 1, 2)
-"""Central differences with a fourth-order error."""
+Places = tuple[int, ...]  # multiples of the step at which a function is evaluated around a point
+CENTRAL: Places = (-1, 1)  # central differences with a second-order error
+CENTRAL_4: Places = (-2, -1, 1, 2)  # central differences with a fourth-order error
 FORWARD: Places = (1, 2)
 """One-sided differences with a second-order error, for a lower bound; mirrored for an upper bound."""
 
 
 @functools.cache
 def weights(at: Places) -> tuple[float, ...]:
-    """Weights w_i of the differences f(x + a_i h) − f(x) for multiples a_i = `at` of the step h.
-
-    >>> print(weights((-1, 1)))
-    (-0.5, 0.5)
-    """
+    """Weights w_i of the differences f(x + a_i h) − f(x) for multiples a_i = `at` of the step h."""
     factors = [[(Fraction(-y), Fraction(x - y)) for y in (0, *at) if y != x] for x in at]
     return tuple(
         float(math.prod(top for top, _ in one if top) / math.prod(bottom for _, bottom in one)) for one in factors
@@ -90,23 +83,11 @@ def neighbours(
     many: Callable[[Sequence[Array]], Sequence[Value | FlexlinkError]], x: Array, steps: Array, at: Sequence[Places],
     one_sided: Places = FORWARD,
 ) -> tuple[Value, list[Neighbours[Value] | FlexlinkError]]:  # fmt: skip
-    """Evaluate a function at x and at its neighbours along each coordinate, all in one call of `many`.
+    """Evaluate a function at a point x (p,) and at its neighbours along each coordinate, all in one call of `many`.
 
-    Parameters
-    ----------
-    many
-        The function, which takes several points at once and returns a value or an error for each.
-    x, steps
-        The point (p,), and the step along each coordinate (p,); 0: no neighbours.
-    at
-        Neighbours along each coordinate.
-    one_sided
-        Neighbours to try instead, or their mirror images, if the function fails at one of the neighbours `at`.
-
-    Raises
-    ------
-    FlexlinkError
-        There is no value at x.
+    `many` takes several points and returns a value or an error for each; an error at x is raised. `steps` (p,) are the
+    distances along the coordinates, 0: no neighbours, and `at` the neighbours in these units. If the function fails at
+    one of them, `one_sided` neighbours or their mirror images are tried instead.
     """
     varied = [k for k in range(len(x)) if steps[k]]
     middle, *beside = many([x, *(moved(x, k, place * steps[k]) for k in varied for place in at[k])])
@@ -122,6 +103,14 @@ def neighbours(
         failed = next((value for value in values if isinstance(value, FlexlinkError)), None)
         found.append(Neighbours(places, float(steps[k]), good) if failed is None else failed)
     return middle, found
+
+
+def or_error(function: Callable[..., Any], *arguments: object) -> Any:
+    """What a function returns, or the error that it raises."""
+    try:
+        return function(*arguments)
+    except FlexlinkError as error:
+        return error
 
 
 def moved(x: Array, k: int, by: float) -> Array:
@@ -175,14 +164,9 @@ class RunSlopes(NamedTuple):
 
 
 def slopes_of_runs(scene: Scene, paths: Sequence[str]) -> RunSlopes:
-    """A run, and runs with slightly changed parameters at `paths`; the changes keep the estimated error small.
+    """A run, and runs with slightly changed parameters at `paths`; errors as in `sensitivities`.
 
-    Raises
-    ------
-    ArgumentError
-        There is no such parameter, it is a run setting, or the scene does not run at a neighbouring value.
-    SceneError, UnstableStepError, DivergenceError, InterruptedRunError
-        As in `simulate`.
+    The changes keep the estimated error small.
     """
     x = np.array([_number(scene, path) for path in paths])
     runs = _Runs(scene, paths, x)
@@ -252,30 +236,19 @@ class _Runs:
         self._variants = [Variants(self.plain, [path]) for path in paths]
 
     def many(self, points: Sequence[Array]) -> list[Trajectory | FlexlinkError]:
-        """Runs at several points; in the first call these points include the scene's own values.
-
-        Raises
-        ------
-        InterruptedRunError
-            Ctrl-C or SIGTERM.
-        SceneError, UnstableStepError, DivergenceError
-            From the scene's own run.
-        """
+        """Runs at several points; in the first call these include the scene's own, whose error is raised."""
         new = () if self.known else self.starts
         numbers = [next(iter(np.flatnonzero(x != self.x).tolist()), None) for x in points]
-        scenes = [None if k is None else self._scene(k, float(x[k])) for k, x in zip(numbers, points, strict=True)]
+        scenes = [
+            None if k is None else or_error(self._variants[k].varied, {self.paths[k]: float(x[k])})
+            for k, x in zip(numbers, points, strict=True)
+        ]
         with deferred() as stop:
             good = [*new, *(one for one in scenes if isinstance(one, Scene))]
             ends = iter(outcomes(good, stop, compared=min(len(new), 1)))
         self.known += [_run(next(ends)) for _ in new]
         found = [next(ends) if isinstance(one, Scene) else one for one in scenes]
         return [self.known[-1] if k is None else self._checked(k, end) for k, end in zip(numbers, found, strict=True)]
-
-    def _scene(self, k: int, value: float) -> Scene | FlexlinkError:
-        try:
-            return self._variants[k].varied({self.paths[k]: value})
-        except FlexlinkError as error:
-            return error
 
     def _checked(self, k: int, end: object) -> Trajectory | FlexlinkError:
         """Return a neighbouring run if it has the same joints, else an error."""

@@ -27,8 +27,7 @@ def with_own_limits(inputs: Inputs) -> Inputs:
     return inputs._replace(drive=drive._replace(limits=drive.limits.copy()))
 
 
-LONGEST = Memo(16)
-"""Cache of stable steps, which a run and those that it is compared with share."""
+LONGEST = Memo(16)  # cache of stable steps, which a run and those that it is compared with share
 
 
 def longest_step(name: str, record: Record, span: float, t: float, state: tuple[Array, ...]) -> float:
@@ -44,9 +43,7 @@ def longest_step(name: str, record: Record, span: float, t: float, state: tuple[
             return stable_step(chain, q, qd, method=name, **acting)
         return np.inf
 
-    if is_user_file(name):
-        return find()
-    return LONGEST(chain, contents((name, span, q, qd, *acting.values())), find)
+    return find() if is_user_file(name) else LONGEST(chain, contents((name, span, q, qd, *acting.values())), find)
 
 
 def longest_step_of(name: str, span: float, ω: float, δ: float) -> float:

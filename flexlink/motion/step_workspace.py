@@ -34,8 +34,7 @@ from flexlink.motion.inputs.drives import gains_at_zero
 from flexlink.motion.tolerable import read_by
 from flexlink.results.record import Record
 
-FEW_PASSES = 12
-"""Newton iterations of an adaptive step beyond which a shorter step is cheaper."""
+FEW_PASSES = 12  # Newton iterations of an adaptive step beyond which a shorter step is cheaper
 
 
 def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | ImplicitWork:

@@ -16,8 +16,7 @@ from flexlink.motion.inputs.tstops import breakpoints, instants
 from flexlink.motion.method_choice import tumbles
 from flexlink.results.record import Record
 
-SHORTEST = 1e-14
-"""Smallest distance between two stops, as a fraction of the duration; closer stops are skipped."""
+SHORTEST = 1e-14  # smallest distance between two stops, as a fraction of the duration; closer stops are skipped
 
 Stops = tuple[Array, Array]
 """Stop times [s], and for each the minimum length of a step that may extend beyond it [s]; inf: steps end there."""

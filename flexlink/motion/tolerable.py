@@ -147,8 +147,7 @@ def samples_apart(run: RunSettings) -> int:
 # (`Thresholds.usual`).
 
 
-Monitor = Any
-"""The `Monitor` of a run, which imports this file."""
+Monitor = Any  # the `Monitor` of a run, which imports this file
 
 
 def read_by(rule: Method) -> tuple[float, float]:

@@ -154,10 +154,9 @@ def runs_of_other_order(run: RunSettings, name: str, size: float, least: float =
 
 def unknown(monitor: Monitor) -> Diagnostic:
     """Warning that a run could not be compared."""
-    text = (
-        f"doubtful: the error is unknown, since no comparison run with other steps ended within {GIVEN_UP} times the "
-    )
-    return Diagnostic(f"{text}evaluations of this run; {advice(monitor)} and compare", "no-comparison-run")
+    late = f"no comparison run with other steps ended within {GIVEN_UP} times the evaluations of this run"
+    text = f"doubtful: the error is unknown, since {late}; {advice(monitor)} and compare"
+    return Diagnostic(text, "no-comparison-run")
 
 
 def unrepeated(monitor: Monitor, error: float) -> Diagnostic:
@@ -174,10 +173,8 @@ def is_exceeded(monitor: Monitor, error: float) -> bool:
 
 def exceeded(monitor: Monitor, error: float) -> Diagnostic:
     """Warning that the stated error of a run [m] is beyond its tolerance."""
-    text = (
-        f"doubtful: tip error {error:.2g} m, {error / monitor.tolerance:.2g} times the tolerance{multiplies(monitor)}"
-    )
-    return Diagnostic(f"{text}; {advice(monitor)} and compare", "doubtful-comparison")
+    off = f"tip error {error:.2g} m, {error / monitor.tolerance:.2g} times the tolerance{multiplies(monitor)}"
+    return Diagnostic(f"doubtful: {off}; {advice(monitor)} and compare", "doubtful-comparison")
 
 
 def doubt(monitor: Monitor, second: Second, path: Array) -> Diagnostic:

@@ -161,19 +161,17 @@ def import_urdf(
     _check_joints(way, armature)
     way, rotors, following = with_followers(robot, way, locked, armature, gravity)
     scene, parts = assembled(robot, way, flexible, rotors, gravity)
-    odd = [*of_odd_bodies(scene.arm)]
-    if odd:
+    if odd := [*of_odd_bodies(scene.arm)]:
         lump(scene)  # refuses them if M is not positive
     for part, one in zip(way.parts, parts, strict=True):
         hertz = flexible[part.link].frequency_hz if part.link in flexible else None
         if hertz is not None:
             scene = tuned(scene, one.link.name, hertz)
     largest = {part.link: slender_mass(part, beyond.p) for part, beyond in zip(way.parts, way.beyond(), strict=True)}
-    stated = {*posture, *locked}
     remarks = [one.remark for one in parts if one.remark is not None]
     carried = [note for note in following if note.id == "mimic-carried"]
     loops = [*ties_of(robot, way, [one.link.name for one in parts], locked, afloat=free_base)]
-    notes = [*_notes(robot, way, stated, lifeless), *(note for _, note in loops), *carried, *remarks]
+    notes = [*_notes(robot, way, {*posture, *locked}, lifeless), *(note for _, note in loops), *carried, *remarks]
     notes += [] if flexible else _beams(way, largest)
     bare = [part for part in way.parts if part.link in flexible and not robot.links[part.link].mass]
     lent = [f"{part.link}: has no <inertial>; its mass is that of {short_list(part.folded)}: check it" for part in bare]
@@ -196,8 +194,7 @@ def _followers(way: Paths, parts: Sequence[ImportedLink]) -> list[dict[str, Any]
 def _check_links(way: Paths, flexible: Mapping[str, FlexibleLink]) -> None:
     links = [part.link for part in way.parts]
     for link, specified in flexible.items():
-        holders = [part.link for part in way.parts if link in part.folded]
-        if holders:
+        if holders := [part.link for part in way.parts if link in part.folded]:
             why = f"flexible: link {truncated(link)} is fixed to {truncated(holders[0])}; make that link flexible"
             raise ArgumentError(why, id="flexible-link-fixed")
         if link not in links:
@@ -313,8 +310,7 @@ def living_paths(
     still: dict[str, None] = {}
     while True:
         found = paths(robot, base, tip, posture, locked, free_base=free_base, still=still)
-        lifeless = _lifeless(found, rotors)
-        if not lifeless:
+        if not (lifeless := _lifeless(found, rotors)):
             return found, tuple(still)
         if tip is not None or len(lifeless) == len(found.parts):
             if not any(body.mass or body.inertia.any() for body in robot.links.values()):
@@ -397,8 +393,7 @@ def clamped_frequency(scene: Scene, link: str) -> float:
     chain = lump(scene.varied({"gravity": (0.0, 0.0, 0.0)}))
     number = scene.arm.number(link)
     q = np.zeros(chain.n)
-    joints = [chain.coordinate(k).link - 1 for k in chain.active]
-    q[chain.active] = scene.joint_positions[joints]
+    q[chain.active] = scene.joint_positions[[chain.coordinate(k).link - 1 for k in chain.active]]
     others = [k for k in range(chain.n) if chain.coordinate(k).link != number or chain.coordinate(k).kind is Kind.JOINT]
     return float(natural_frequencies(chain, q, locked=others)[0] / (2 * np.pi))
 
@@ -412,9 +407,8 @@ def tuned(scene: Scene, link: str, hertz: float) -> Scene:
     if not 0 < young < math.inf:
         why = f"{specified}: needs young = {young:g} Pa, outside the range of float64"
         raise ArgumentError(why, id="frequency-out-of-reach")
-    stiff = msgspec.structs.replace(material, young=young)
     # do not use a path, because the name may contain any character
-    stiffened = scene.varied({"material": scene.arm.materials | {name: stiff}})
+    stiffened = scene.varied({"material": scene.arm.materials | {name: msgspec.structs.replace(material, young=young)}})
     reached = clamped_frequency(stiffened, link)
     if not abs(reached / hertz - 1) <= 1e-6:
         raise ArgumentError(f"{specified}: young = {young:.4g} Pa gives {reached:.9g} Hz", id="frequency-out-of-reach")

@@ -118,8 +118,7 @@ class Robot:
         """Parent joint of each link except the root."""
         parents: dict[str, TreeJoint] = {}
         for joint in self.joints.values():
-            other = parents.setdefault(joint.child, joint)
-            if other is not joint:
+            if (other := parents.setdefault(joint.child, joint)) is not joint:
                 both = f"{truncated(other.name)} and {truncated(joint.name)}"
                 why = "closed loops in URDF files are not supported: take one of the two joints out"
                 child = f"link {truncated(joint.child)} is the child of two joints, {both}"
@@ -185,8 +184,7 @@ def _check_roots(robot: Robot) -> None:
         why = f"{len(roots)} links have no parent joint, {short_list(roots)}; a robot has one root"
         raise DataFileError(why, id="several-roots")
     reached = set(robot.outward(roots[0])) if roots else set()
-    circle = [link for link in robot.links if link not in reached]
-    if circle:
+    if circle := [link for link in robot.links if link not in reached]:
         they_form = f"link {circle[0]} forms" if len(circle) == 1 else f"links {short_list(circle)} form"
         why = f"{they_form} a loop; closed loops in URDF files are not supported: take a joint out"
         raise DataFileError(why, id="closed-loop")
@@ -197,8 +195,7 @@ def _check_mimics(robot: Robot) -> None:
     for start in robot.joints.values():
         joint, way = start, {start.name: None}
         while joint.mimic is not None and joint.name not in checked:
-            leader = joint.mimic.leader
-            if leader not in robot.joints:
+            if (leader := joint.mimic.leader) not in robot.joints:
                 why = f"joint {truncated(joint.name)}: mimics {truncated(leader)}, which does not exist"
                 raise DataFileError(why, id="mimic")
             checked.add(joint.name)  # joints of this path are also in `way`, by which loops are detected
@@ -246,8 +243,7 @@ def _check(robot: Robot, key: str, name: object, value: object) -> None:
     if joint.mimic is not None and key == "posture":
         why = f"{key}: joint {truncated(name)} mimics {truncated(joint.mimic.leader)}; give the position of that joint"
         raise ArgumentError(why, id="mimic")
-    number = finite(value)
-    if number is None:
+    if (number := finite(value)) is None:
         why = f"{key}: {truncated(name)} = {truncated(value)}: expected a finite number [rad; m for a slide]"
         raise ArgumentError(why, id="out-of-range")
     lower, upper = joint.limits or (-math.inf, math.inf)

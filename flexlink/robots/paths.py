@@ -49,19 +49,12 @@ class Paths:
     followers: Mapping[str, Mimic] = dataclasses.field(default_factory=dict)  # joints of parts that follow another part
 
     @functools.cached_property
-    def _tips_on(self) -> dict[int, list[tuple[int, Tip]]]:
-        found: dict[int, list[tuple[int, Tip]]] = {}
-        for k, tip in enumerate(self.tips):
-            found.setdefault(tip.part, []).append((k, tip))
-        return found
-
-    @functools.cached_property
     def _parents(self) -> Counter[int]:
         return Counter(part.parent for part in self.parts)
 
     def tips_on(self, number: int) -> list[tuple[int, Tip]]:
         """Return the tips of a part, by its number from 1, each with the tip's number from 0."""
-        return self._tips_on.get(number, [])
+        return [(k, tip) for k, tip in enumerate(self.tips) if tip.part == number]
 
     def bears(self, number: int) -> int:
         """Number of parts and tips attached to a part."""
@@ -123,14 +116,14 @@ def paths(
     place = along(robot.path(robot.root, base) or [], positions)
     for k, joint in enumerate(way):
         if joint.name in followers:
-            way[k] = _from_offset(joint, offset := followers[joint.name].offset)
-            positions[joint.name] -= offset
+            positions[joint.name] -= (offset := followers[joint.name].offset)  # from which positions are measured
+            limits = joint.limits and (joint.limits[0] - offset, joint.limits[1] - offset)
+            way[k] = dataclasses.replace(joint, origin=joint.pose(offset), limits=limits)
     parts, places = _parts(robot, way, free, positions, {base: (0, HERE if free_base else place)})
     stems, moving = {part.parent for part in parts}, {joint.name for joint in loose}
     ends = tips or [robot.outward(part.link, moving)[-1] for k, part in enumerate(parts, 1) if k not in stems]
     floating = (place, *folded(robot, base, free, positions)) if free_base else None
-    tipped = tuple(Tip(end, *places[end]) for end in ends)
-    found = Paths(base, tipped, parts, positions, (), floating, followers)
+    found = Paths(base, tuple(Tip(end, *places[end]) for end in ends), parts, positions, (), floating, followers)
     return dataclasses.replace(found, held=_held(robot, found))
 
 
@@ -147,8 +140,7 @@ def _way(robot: Robot, base: str, tips: Sequence[str] | None) -> list[TreeJoint]
         return robot.beyond(base)
     wanted: dict[str, None] = {}
     for tip in tips:
-        path = robot.path(base, tip)
-        if path is None:
+        if (path := robot.path(base, tip)) is None:
             why = f"tip = {truncated(tip)}: not reached outward from base = {truncated(base)}; choose a link beyond it"
             raise ArgumentError(why, id="unknown-link")
         wanted |= {joint.name: None for joint in path}
@@ -169,12 +161,6 @@ def _check_fit(joint: TreeJoint, span: str) -> None:
         remedy = f"lock it, for example with --locked {joint.name}=0.0{'' if joint.turns else ' (m)'}"
         why = f"{where} mimics {truncated(joint.mimic.leader)}; it cannot move by itself: {remedy}"
         raise ArgumentError(why, id="mimic")
-
-
-def _from_offset(joint: TreeJoint, offset: float) -> TreeJoint:
-    """The joint with positions measured from an offset."""
-    limits = joint.limits and (joint.limits[0] - offset, joint.limits[1] - offset)
-    return dataclasses.replace(joint, origin=joint.pose(offset), limits=limits)
 
 
 def _parts(

@@ -138,8 +138,7 @@ def _in_degrees(root: ET.Element, joints: Mapping[str, TreeJoint]) -> Iterator[D
 
 
 def _new_name(element: ET.Element, known: dict[str, SpatialInertia] | dict[str, TreeJoint]) -> str:
-    name = element.get("name")
-    if not name:
+    if not (name := element.get("name")):
         raise DataFileError(f"{element.tag} {len(known) + 1}: name: missing", id="missing-in-file")
     if name in known:
         raise DataFileError(f"{_label(element)}: this name is used twice", id="name-twice")
@@ -159,15 +158,13 @@ def _one(parent: ET.Element, tag: str, about: str) -> ET.Element | None:
 
 
 def _needed(parent: ET.Element, tag: str, about: str) -> ET.Element:
-    child = _one(parent, tag, about)
-    if child is None:
+    if (child := _one(parent, tag, about)) is None:
         raise DataFileError(f"{about}: <{tag}>: missing", id="missing-in-file")
     return child
 
 
 def _text(element: ET.Element, key: str, about: str) -> str:
-    text = element.get(key)
-    if text is None:
+    if (text := element.get(key)) is None:
         inner = (element.text or "").strip()
         written = f'; it is an attribute, <{element.tag} {key}="{inner}"/>' if inner else ""
         raise DataFileError(f"{about}: <{element.tag} {key}>: missing{written}", id="missing-in-file")
@@ -178,8 +175,7 @@ def _number(
     element: ET.Element | None, key: str, about: str, default: float | None = None, largest: float = LARGEST_NUMBER
 ) -> float:
     """Return a numerical attribute; without a default it must be present."""
-    text = None if element is None else element.get(key)
-    if element is None or (text is None and default is not None):
+    if element is None or (default is not None and element.get(key) is None):
         return default or 0.0
     return numbers_in(_text(element, key, about), f"{about}: <{element.tag} {key}>", largest=largest)[0]
 
@@ -192,8 +188,7 @@ def _not_negative(element: ET.Element | None, key: str, about: str, default: flo
 
 
 def _vector(element: ET.Element | None, key: str, about: str, default: tuple[float, float, float]) -> Array:
-    text = None if element is None else element.get(key)
-    if element is None or text is None:
+    if element is None or (text := element.get(key)) is None:
         return np.array(default)
     return np.array(numbers_in(text, f"{about}: <{element.tag} {key}>", 3))
 
@@ -207,8 +202,7 @@ def _origin(parent: ET.Element, about: str) -> Pose:
 
 def _body(link: ET.Element) -> SpatialInertia:
     about = _label(link)
-    inertial = _one(link, "inertial", about)
-    if inertial is None:
+    if (inertial := _one(link, "inertial", about)) is None:
         return NOTHING
     mass = _not_negative(_needed(inertial, "mass", about), "value", about)
     tensor = _needed(inertial, "inertia", about)

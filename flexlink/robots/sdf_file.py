@@ -108,8 +108,7 @@ def _add_joint(robot: ET.Element, name: str, joint: ET.Element, ends: tuple[str,
     # SDF writes inf for no limit, URDF 1e16
     limits = {key: _text(joint, f"axis/limit/{key}", "inf").replace("inf", "1e16") for key in ("lower", "upper")}
     ET.SubElement(made, "limit", limits)
-    friction = {key: _text(joint, f"axis/dynamics/{key}", "0") for key in ("damping", "friction")}
-    ET.SubElement(made, "dynamics", friction)
+    ET.SubElement(made, "dynamics", {key: _text(joint, f"axis/dynamics/{key}", "0") for key in ("damping", "friction")})
     return made
 
 

@@ -91,8 +91,7 @@ def draw_arm(axes: Axes, view: View, points: Array, chain: Chain, rails: Array |
         ring = {"markerfacecolor": "none", "markeredgewidth": 1.8, "color": VERMILION}
         axes.plot(x[driven], y[driven], "o", markersize=9, zorder=5, label="driven joints", **ring)
     tips = list(chain.tips.values())
-    label = "tip" if len(tips) == 1 else "tips"
-    axes.plot(x[tips], y[tips], "*", color=INK, markersize=9, zorder=5, label=label)
+    axes.plot(x[tips], y[tips], "*", color=INK, markersize=9, zorder=5, label="tip" if len(tips) == 1 else "tips")
 
 
 def draw_shadow(axes: Axes, view: View, points: Array, chain: Chain, *, base: bool = True, **look: Any) -> None:

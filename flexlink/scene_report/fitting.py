@@ -162,8 +162,7 @@ class Comparison:
             problem = FitProblem(
                 scene=self.scene, parameter=(parameter,), run=(self._recorded,), noise="white", tolerance=tolerance
             )
-            found = quick_estimates(problem, worth)
-            if not found:
+            if not (found := quick_estimates(problem, worth)):
                 return None
             run = simulate(self.scene.varied({number.path: found[0].value}))
         except FlexlinkError:

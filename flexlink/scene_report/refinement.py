@@ -98,8 +98,7 @@ class Refinement:
             changes = [largest_so_far(distances(b, a)) for (_, a), (_, b) in itertools.pairwise(cuts)]
             return Limit(finest, np.maximum.reduce(changes))
         limit = extrapolated(cuts, order)
-        errors = largest_so_far(distances(limit.tip, finest)) + (self.strict.tolerance or 0.0)
-        return limit._replace(errors=errors)
+        return limit._replace(errors=largest_so_far(distances(limit.tip, finest)) + (self.strict.tolerance or 0.0))
 
     def accurate_until(self, part: float) -> float:
         """Return the time [s] up to which the two finest discretisations differ by less than `part` of the travel."""

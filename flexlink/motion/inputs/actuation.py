@@ -20,8 +20,7 @@ from flexlink.kernels.inputs.record import Drive, GivenWrench, Inputs, Loads, Mo
 from flexlink.motion.inputs.drives import drive_arrays, gains_of, no_model
 from flexlink.motion.inputs.references import held_knots, pieces_of
 
-LINEAR = 2
-"""Number of coefficients per piece of a piecewise linear table."""
+LINEAR = 2  # number of coefficients per piece of a piecewise linear table
 
 
 def input_arrays(scene: Scene, chain: Chain) -> Inputs:
@@ -74,13 +73,7 @@ def corners(given: Drive | Loads) -> Array:
 
 
 def motion_arrays(scene: Scene, chain: Chain) -> MotionTable:
-    """The scene's prescribed motions; a table without joints if the scene has none.
-
-    Raises
-    ------
-    SceneError
-        An angle changes faster than float64 can represent.
-    """
+    """The scene's prescribed motions; a table without joints if it has none; an error if a rate overflows float64."""
     if not scene.motion:
         return no_motion()
     joints = [chain.index(scene.arm.number(motion.link), 0, 0) for motion in scene.motion]
@@ -123,14 +116,9 @@ def _with_frame(given: GivenWrench) -> tuple[Array, Frame]:
 
 
 def loads_of(scene: Scene, chain: Chain) -> Loads | None:
-    """The tip wrench; None if it is constant and acts on the arm's tip.
+    """The tip wrench; None if it is constant and acts on the arm's tip; errors as in `pieces_of`.
 
     In that case its work follows from the motion of the tip in frame 0.
-
-    Raises
-    ------
-    SceneError
-        The wrench changes by more than float64 can represent.
     """
     wrench = scene.wrench
     if not wrench.varies and (not wrench.acts or chain.loaded == len(chain.bodies) - 1):

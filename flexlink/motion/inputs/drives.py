@@ -14,8 +14,6 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.memo import Memo, keep_last
 from flexlink.common.types import Array, Indices
-from flexlink.describe.drive import Drive as DriveOfScene
-from flexlink.describe.drive import DriveFilter
 from flexlink.describe.joint_units import in_si, together
 from flexlink.describe.scene import Scene, bare_and_rigid
 from flexlink.dynamics.filters import linear_filter, transition
@@ -32,15 +30,7 @@ from flexlink.motion.inputs.references import constant, held_knots, pieces_of, r
 
 
 def drive_arrays(scene: Scene, chain: Chain) -> Drive:
-    """The scene's drive; a drive without joints if the scene has none.
-
-    Raises
-    ------
-    SceneError
-        The torques change by more than float64 can represent.
-    ConvergenceError
-        gravity = "static", and the arm has no equilibrium at the reference.
-    """
+    """The scene's drive; a drive without joints if it has none; errors as in `pieces_of` and `holding_torque`."""
     # function that builds the arrays, by kind of drive
     laws = {"constant": _table, "table": _table, "pd": _pd, "computed_torque": _computed_torque, "cascade": _cascade}
     kind = scene.drive.kind if len(chain.active) else "none"
@@ -53,8 +43,7 @@ def drive_arrays(scene: Scene, chain: Chain) -> Drive:
     return law if scene.drive.rate is None else _sampled(scene, law)
 
 
-TORQUES = Memo(64)
-"""Cache of torque tables by drive and driven joints, shared by variants of an arm."""
+TORQUES = Memo(64)  # cache of torque tables by drive and driven joints, shared by variants of an arm
 
 
 def drive_of(joints: Indices, **parts: Any) -> Drive:
@@ -109,8 +98,7 @@ def side_by_side(drives: Sequence[Drive]) -> Drive:
     eight = [drives[min(lane, len(drives) - 1)].model for lane in range(LANES)]
     own = (RigidModel(m.chain, rne_workspace(m.chain), m.wrench, *np.zeros((4, len(m.q)))) for m in eight)
     model = None if one.model is None else tuple(own)  # copies with their own motion and scratch
-    held = np.zeros((*one.held.shape, LANES))
-    return one._replace(model=model, held=held, next_instant=one.next_instant.copy())
+    return one._replace(model=model, held=np.zeros((*one.held.shape, LANES)), next_instant=one.next_instant.copy())
 
 
 def remembered(drive: Drive) -> tuple[NDArray[Any], ...]:
@@ -154,9 +142,8 @@ def gains_at_zero(drive: Drive, chain: Chain, continuous: bool = False) -> Gains
 
 def _continuous(drive: Drive) -> Drive:
     """A sampled law as if it were continuous, and without its memory."""
-    law = PD if drive.law >= CASCADE else drive.law
-    kp = drive.kd * drive.kp if drive.law >= CASCADE else drive.kp
-    return drive._replace(rate=0.0, law=law, kp=kp)
+    drive = drive._replace(rate=0.0)
+    return drive if drive.law < CASCADE else drive._replace(law=PD, kp=drive.kd * drive.kp)
 
 
 def _table(scene: Scene, chain: Chain) -> Drive:
@@ -210,7 +197,7 @@ def _servo_of(scene: Scene, chain: Chain) -> Array:
 def _filters_of(scene: Scene, chain: Chain, rate: float) -> Array:
     """Φ, Γ, Ψ, S, C, D of the filters of each driven joint, shape (d, f + 1, f + 3), as in `cascade`."""
     names = [scene.arm.links[k].name for k in _links_of(chain)]
-    series = [_series(scene.drive, name) for name in names]
+    series = [tuple(each for each in scene.drive.filter if each.link in {"", name}) for name in names]
     f = max((len(linear_filter(each).B) for each in series), default=0)
     found = np.zeros((len(names), f + 1, f + 3))
     for block, filters in zip(found, series, strict=True):
@@ -220,10 +207,6 @@ def _filters_of(scene: Scene, chain: Chain, rate: float) -> Array:
         block[:n, f + 2] = own.settled if n else 0.0
         block[f, :n], block[f, f] = own.C, own.D
     return found
-
-
-def _series(drive: DriveOfScene, link: str) -> tuple[DriveFilter, ...]:
-    return tuple(each for each in drive.filter if each.link in {"", link})
 
 
 def _links_of(chain: Chain) -> list[int]:
@@ -251,8 +234,7 @@ def _fed(scene: Scene, chain: Chain, feedback: Drive, law: int, by_model: int) -
 
 
 def _computed_torque(scene: Scene, chain: Chain) -> Drive:
-    model = rigid_model(lump(bare_and_rigid(scene)))
-    return _feedback(scene, chain)._replace(law=COMPUTED_TORQUE, model=model)
+    return _feedback(scene, chain)._replace(law=COMPUTED_TORQUE, model=rigid_model(lump(bare_and_rigid(scene))))
 
 
 def _feedback(scene: Scene, chain: Chain) -> Drive:

@@ -9,7 +9,7 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
 from flexlink.common.memo import Memo
-from flexlink.common.types import Array, Indices
+from flexlink.common.types import Array
 from flexlink.describe.joint import refuse_beyond
 from flexlink.describe.reference import smooth_pieces
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
@@ -26,10 +26,7 @@ from flexlink.motion.inputs.references import pieces_of
 def tip_arrays(scene: Scene, chain: Chain) -> tuple[PiecewisePolynomial, PiecewisePolynomial]:
     """Reference and feedforward torques of the driven joints with which the tip follows the drive's reference.
 
-    Raises
-    ------
-    SceneError, ConvergenceError
-        As in `invert`; or the torques would begin before t = 0, or the arm does not start at rest on the path.
+    Errors are as in `invert`; or the torques would begin before t = 0, or the arm does not start at rest on the path.
     """
     joints, times, torques = TIPS(scene, (), lambda: _tip_arrays(scene, chain))
     return (
@@ -38,8 +35,7 @@ def tip_arrays(scene: Scene, chain: Chain) -> tuple[PiecewisePolynomial, Piecewi
     )
 
 
-TIPS = Memo(16)
-"""Cache of computed tip motions by scene."""
+TIPS = Memo(16)  # cache of computed tip motions by scene
 
 
 def _tip_arrays(scene: Scene, chain: Chain) -> tuple[ReferenceTrajectory, Array, Array]:
@@ -67,8 +63,7 @@ def _require_start(scene: Scene, chain: Chain, found: Feedforward) -> None:
     if initial.q is not None or initial.time:  # continues another run
         return
     links = [chain.coordinate(int(k)).link - 1 for k in chain.active]
-    first = found.path.postures[0, chain.active]
-    if not np.allclose(scene.joint_positions[links], first, rtol=0.0, atol=1e-9):
+    if not np.allclose(scene.joint_positions[links], found.path.postures[0, chain.active], rtol=0.0, atol=1e-9):
         text = "drive.reference: starts elsewhere than initial; with follows = 'tip' the arm starts on the path"
         raise SceneError(text, id="start-differs-from-motion")
     if initial.passive == "zero" and (any(scene.gravity) or found.path.wrench.any()):
@@ -110,18 +105,12 @@ TO_POWERS = np.linalg.inv(np.vander(NODES, increasing=True))
 def holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
     """Torque of the driven joints that keeps the arm in equilibrium along its reference, as polynomials in time [N m].
 
-    Each polynomial passes through six equilibria (`static_postures`); large rotations need more pieces.
-
-    Raises
-    ------
-    ConvergenceError
-        The arm has no equilibrium somewhere along the reference.
+    Each polynomial passes through six equilibria, with the errors of `static_postures`; large rotations need more.
     """
     return PiecewisePolynomial(*(part.copy() for part in TORQUES.calling(_holding_torque, chain, target)))
 
 
-TORQUES = Memo(16)
-"""Cache of holding torques by chain and reference, as each requires hundreds of equilibria."""
+TORQUES = Memo(16)  # cache of holding torques by chain and reference, as each requires hundreds of equilibria
 
 
 def _holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
@@ -132,7 +121,9 @@ def _holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolyn
     angles = np.einsum("kjd,knj->knd", c, x[:, :, None] ** np.arange(c.shape[1]))
     moving = np.asarray(c[:, 1:].any(axis=(1, 2)))
     needed = np.arange(len(NODES)) < np.where(moving, len(NODES), 1)[:, None]  # a constant piece needs one node
-    nodes, which = _different(angles[needed])
+    every = angles[needed]
+    new = np.append(True, (np.diff(every, axis=0) != 0).any(axis=1))  # consecutive repetitions are left out
+    nodes, which = np.ascontiguousarray(every[new]), np.cumsum(new) - 1
     postures = nodes if len(chain.active) == chain.n else static_postures(chain, nodes)
     holding = np.empty_like(postures)
     gravity_torques(chain.arrays, postures, holding)
@@ -142,12 +133,6 @@ def _holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolyn
     powers = np.einsum("jn,knd->kjd", TO_POWERS, torques) / h[:, None, None] ** np.arange(len(NODES))[:, None]
     powers[~moving, 1:] = 0.0
     return PiecewisePolynomial(knots, powers)
-
-
-def _different(nodes: Array) -> tuple[Array, Indices]:
-    """Nodes (rows, d) without consecutive repetitions, and for each original node its index among them."""
-    new = np.append(True, (np.diff(nodes, axis=0) != 0).any(axis=1))
-    return np.ascontiguousarray(nodes[new]), np.cumsum(new) - 1
 
 
 def _divided(knots: Array, c: Array) -> Array:

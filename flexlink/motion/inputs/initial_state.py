@@ -20,8 +20,7 @@ from flexlink.kernels.inputs.record import Inputs, MotionTable
 from flexlink.motion.inputs.actuation import input_arrays, inputs_with, wrench_at
 from flexlink.motion.inputs.drives import no_drive
 
-Rows = tuple[tuple[float, ...], ...]
-"""Rows of one number per link."""
+Rows = tuple[tuple[float, ...], ...]  # rows of one number per link
 
 
 def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
@@ -79,13 +78,12 @@ def state_under(inputs: Inputs, scene: Scene, chain: Chain, ties: Ties | None = 
     if initial.passive == "static" and ties is not None:
         from flexlink.dynamics.tied_tangent import tied_equilibrium  # noqa: PLC0415  statics
 
-        wrench, frame = wrench_at(inputs, initial.time)
-        q = tied_equilibrium(ties, chain, q, held_joints(inputs, scene), wrench, frame, initial.time)
+        held = held_joints(inputs, scene)
+        q = tied_equilibrium(ties, chain, q, held, *wrench_at(inputs, initial.time), initial.time)
     elif initial.passive == "static" and len(chain.active) < chain.n:
         from flexlink.dynamics.equilibrium import static_posture  # noqa: PLC0415  statics
 
-        wrench, frame = wrench_at(inputs, initial.time)
-        q = static_posture(chain, q, wrench, frame)
+        q = static_posture(chain, q, *wrench_at(inputs, initial.time))
     if scene.motion:
         _check_followed(inputs.motion, scene, chain, q, qd)
     return q, qd

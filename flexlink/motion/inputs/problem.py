@@ -29,12 +29,8 @@ def problem_of(
 ) -> InitialValueProblem:
     """The problem of a scene, with its own chain or another chain of the same links; known `inputs` are reused.
 
-    Scenes with ties are refused unless the caller supports them, `tied`.
-
-    Raises
-    ------
-    SceneError, ConvergenceError, DataFileError
-        As in `lump`, `input_arrays` and `initial_state`.
+    Scenes with ties are refused unless the caller supports them, `tied`; other errors are as in `lump`, `input_arrays`
+    and `initial_state`.
     """
     if not tied:
         refuse_ties(scene.ties)

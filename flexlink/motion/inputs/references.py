@@ -13,15 +13,7 @@ from flexlink.kernels.inputs.record import PiecewisePolynomial
 
 
 def reference_arrays(scene: Scene, chain: Chain) -> PiecewisePolynomial:
-    """The constant target of the scene's drive, or its reference motion, in the order of `chain.active`.
-
-    Raises
-    ------
-    SceneError
-        The run does not start where the reference starts; or the reference is not valid, as in `Scene.course`.
-    DataFileError
-        The file of the reference's shaper is not valid.
-    """
+    """The target of the scene's drive or its reference motion, by `chain.active`; errors as in `Scene.course`."""
     course, links = scene.course, [chain.coordinate(int(k)).link - 1 for k in chain.active]
     if course is None:
         return constant(scene.joint_targets[links])
@@ -31,13 +23,7 @@ def reference_arrays(scene: Scene, chain: Chain) -> PiecewisePolynomial:
 
 
 def check_start(scene: Scene, chain: Chain) -> None:
-    """Check that `initial.q` agrees at t = 0 with the start of a reference without `from_deg`.
-
-    Raises
-    ------
-    SceneError
-        The run starts elsewhere.
-    """
+    """Check that `initial.q` agrees at t = 0 with the start of a reference without `from_deg`."""
     close = 1e-9  # largest difference [deg, m] that rounding of the same number explains
     initial, reference = scene.initial, scene.drive.reference
     if initial.q is None or initial.time or reference is None or len(initial.q) != chain.n:  # refused later
@@ -65,10 +51,7 @@ def constant(angles: Array) -> PiecewisePolynomial:
 def pieces_of(name: str, times: Array, rows: Array, *, smooth: bool) -> Array:
     """Coefficients (m, order + 1, d) of a table (m, d): linear or cubic-spline pieces, constant after the last time.
 
-    Raises
-    ------
-    SceneError
-        The rows of the named table change by more than float64 can represent.
+    Changes from one row of the named table to the next that overflow float64 are refused.
     """
     coefficients = np.zeros((len(times), 4 if smooth else 2, rows.shape[1]))
     coefficients[:, 0] = rows

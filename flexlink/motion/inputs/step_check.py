@@ -57,13 +57,7 @@ def _acting(problems: Sequence[InitialValueProblem]) -> list[dict[str, Any]]:
 
 
 def check_step(problem: InitialValueProblem) -> tuple[Diagnostic, ...]:
-    """Compare the fixed step with the largest stable step at the start; warn if it is larger but allowed.
-
-    Raises
-    ------
-    UnstableStepError
-        The step is larger than the largest stable step, and `run.unstable` does not allow that.
-    """
+    """Compare the fixed step with the largest stable step at the start; refuse a larger one, or warn if allowed."""
     return () if _within_bounds([problem])[0] else _check_by_eigenvalues(problem)
 
 

@@ -8,8 +8,7 @@ import numpy as np
 
 from flexlink.motion.loop.loop import STABLE, Loop
 
-FASTEST = 1e4
-"""Highest sampling rate that is proposed [Hz]."""
+FASTEST = 1e4  # highest sampling rate that is proposed [Hz]
 
 
 def instability(loop: Loop) -> tuple[str, str]:
@@ -71,10 +70,9 @@ def _of_armature(loop: Loop) -> str:
     least = -float(np.diag(rates).min()) * (1.0 / loop.rate + loop.delay)
     for factor in (0.5, 1.0, 2.0, 4.0, 8.0):
         value = _rounded(factor * least)
-        if value > max(joint.armature for joint in driven):
-            changed = loop.scene.varied({"link.*.joint.armature": value})
-            if loop.with_scene(changed).growth <= STABLE:
-                return f"link.*.joint.armature = {value:.2g} {unit}"
+        larger = value > max(joint.armature for joint in driven)
+        if larger and loop.varied("link.*.joint.armature", value).growth <= STABLE:
+            return f"link.*.joint.armature = {value:.2g} {unit}"
     return ""
 
 

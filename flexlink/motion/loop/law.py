@@ -75,11 +75,8 @@ def _cascade(drive: Drive, plant: Plant) -> LinearLaw:
 def law_in_python(law: Law, plant: Plant) -> LinearLaw:
     """Slopes of a law at rest in the state of the plant, by central differences of fourth order.
 
-    Raises
-    ------
-    ArgumentError
-        The law raises an exception, does not return one finite number per driven joint, or has a memory: it returns
-        another torque when it is called a second time.
+    Refused are laws that raise exceptions, do not return one finite number per driven joint, or have a memory: they
+    return another torque when they are called a second time.
     """
     n, d = plant.chain.n, len(plant.chain.active)
     y = np.concatenate([plant.q, np.zeros(n), plant.seen])
@@ -139,13 +136,12 @@ class OpenLoop(NamedTuple):
 
     def closed(self, law: LinearLaw, broken: int | None = None) -> Array:
         """Matrix of the closed loop for the state (x, z); without the feedback to input `broken`."""
-        u = self.feedback(law)
-        B = self.B if broken is None else np.delete(self.B, broken, axis=1)
-        u = u if broken is None else np.delete(u, broken, axis=0)
-        whole = np.zeros((len(self.A) + len(law.F),) * 2)
-        s = len(self.A)
+        u, s = self.feedback(law), len(self.A)
+        if broken is not None:
+            u[broken] = 0.0
+        whole = np.zeros((s + len(law.F),) * 2)
         whole[:s, :s], whole[s:, :s], whole[s:, s:] = self.A, law.G @ self.C, law.F
-        whole[:s] += B @ u
+        whole[:s] += self.B @ u
         return whole
 
     def feedback(self, law: LinearLaw) -> Array:

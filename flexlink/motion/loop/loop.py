@@ -186,8 +186,6 @@ class Loop:
     def with_scene(self, scene: Scene) -> Loop:
         """The loop of another scene with the same law in Python; errors as in `loop`."""
         q, t = self.about
-        if self.control is None:
-            return loop(scene, q=q, t=t)
         return loop(scene, control=self.control, rate=self.rate or None, delay=self.delay, q=q, t=t)
 
     def plot(self, kind: str = "bode", input: int | str = 0) -> Any:
@@ -337,8 +335,7 @@ def loop_of(
 # driven joint with the largest M_kk |φ_k|².
 
 
-CONTROLLER = "controller"
-"""Name of motions in which the arm rests: torques on their way, and states of the law."""
+CONTROLLER = "controller"  # name of motions in which the arm rests: torques on their way, and states of the law
 
 
 def motions(chain: Chain, q: Array, shapes: Sequence[Complex], s: Complex) -> list[str]:

@@ -77,8 +77,7 @@ def plant_of(problem: InitialValueProblem, q: Array, t: float, *, sensors: bool)
     A[:, :size] /= unit
     B[:size] *= unit[:, None]
     C[:, :size] /= unit
-    names = model.outputs[2 * chain.n :]
     return Plant(
         A, B, C, model.D[:, moving], model.delays, chain, t, q, angles, unit, moving,
-        tuple(model.inputs[k] for k in moving), names, model.y[2 * chain.n :],
+        tuple(model.inputs[k] for k in moving), model.outputs[2 * chain.n :], model.y[2 * chain.n :],
     )  # fmt: skip

@@ -87,10 +87,9 @@ def classical_margins(L: Response, name: str) -> Margins:
     real += [float(ω[k]) for k in (0, -1) if values[k].real < 0 and abs(values[k].imag) < 1e-9 * abs(values[k])]
     sizes = [abs(at(x)) for x in real]
     lags = [float(np.angle(-at(x)) % (2 * np.pi)) for x in unit]
-    gain = max([1 / s for s in sizes if s > 1], default=0.0), min([1 / s for s in sizes if s <= 1], default=np.inf)
     return Margins(
         name,
-        gain=gain,
+        gain=(max([1 / s for s in sizes if s > 1], default=0.0), min([1 / s for s in sizes if s <= 1], default=np.inf)),
         phase=float(np.degrees(min([min(lag, 2 * np.pi - lag) for lag in lags], default=np.inf))),
         delay=min([lag / x for lag, x in zip(lags, unit, strict=True)], default=np.inf),
         disk=2 / _peak(lambda x: abs(2 / (1 + at(x)) - 1), ω, np.abs(2 / (1 + values) - 1)),

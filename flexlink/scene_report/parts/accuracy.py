@@ -38,8 +38,7 @@ def _hinge_error(about: Refinement) -> list[str]:
         return ["All links are rigid: there are no hinges to refine."]
     if about.gives_state:
         return ["Tip error from the number of hinges: unknown, because initial.q fixes that number."]
-    limit = about.limit
-    if limit is None:
+    if (limit := about.limit) is None:
         outcomes = {factor: about.runner.run(about.cut(factor), about.strict) for factor in (1.0, 2.0, 4.0)}
         reasons = {factor: outcome.reason for factor, outcome in outcomes.items() if not outcome.completed}
         early = "; ".join(f"{factor:g} times the hinges: {why}" for factor, why in reasons.items())
@@ -144,11 +143,10 @@ def _in_time(about: Refinement) -> Picture | None:
     axes.axhline(about.limit.error, color=GREY, linestyle="--", linewidth=1.0, label="uncertainty")
     errors = np.concatenate([column for name, column in columns.items() if name != "t [s]"])
     top, low = float(errors.max()), float(np.quantile(errors, 0.1))  # leave out the start, where all runs agree
-    shown = max(0.3 * low, 1e-6 * top), 2 * max(top, about.limit.error)
-    axes.set(yscale="log", ylim=shown, ylabel="tip error [m]")
+    axes.set(yscale="log", ylabel="tip error [m]")
+    axes.set_ylim(max(0.3 * low, 1e-6 * top), 2 * max(top, about.limit.error))
     caption = "Tip error along the run, relative to the converged model. Dashed: uncertainty of that model."
-    title = "Convergence with the number of hinges"
-    return picture_of("convergence", title, caption, [axes], "time [s]", columns)
+    return picture_of("convergence", "Convergence with the number of hinges", caption, [axes], "time [s]", columns)
 
 
 def _prices(choices: Sequence[Choice]) -> Picture | None:

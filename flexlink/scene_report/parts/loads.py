@@ -31,8 +31,7 @@ def made(study: Study) -> Part:
         "Bending moment and shear are the resultants of the two components across the beam.",
     ]
     peaks = np.abs(run.tau).max(axis=0)
-    driven = [int(k) for k in chain.active if peaks[k] > 0]
-    if driven:
+    if driven := [int(k) for k in chain.active if peaks[k] > 0]:
         for kind, joints in reversed([*chain.by_unit(driven)]):
             most = max(joints, key=lambda k: peaks[k])
             largest = f"{number(float(peaks[most]))} {kind.torque} at {chain.joint_name(most)}"
@@ -129,8 +128,7 @@ def peak_stress(run: RunSamples) -> PeakStress | None:
     best: PeakStress | None = None
     for first in range(0, len(run.t), AT_ONCE):
         part = picked(run, np.arange(first, min(first + AT_ONCE, len(run.t))))
-        strain = 1e-6 * colouring("strain", arm, outline, placed(part, part.q), part).values
-        stress = strain * np.array(young)
+        stress = 1e-6 * colouring("strain", arm, outline, placed(part, part.q), part).values * np.array(young)
         if not np.isfinite(stress).any():
             return None
         row, station = np.unravel_index(int(np.nanargmax(stress)), stress.shape)

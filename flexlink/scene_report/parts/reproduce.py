@@ -14,10 +14,9 @@ from flexlink.scene_report.study import Study
 
 def made(study: Study) -> Part:
     """Build the chapter."""
-    date = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
     lines: list[tuple[Cell, ...]] = [
-        ("made", date.isoformat()), ("system", system()), ("processor", processor()),
-        ("cores", str(os.cpu_count() or "")), ("python", platform.python_version()),
+        ("made", datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")), ("system", system()),
+        ("processor", processor()), ("cores", str(os.cpu_count() or "")), ("python", platform.python_version()),
     ]  # fmt: skip
     packages = ("flexlink", "numpy", "scipy", "numba", "pin", "mujoco", "exudyn", "drake", "matplotlib", "jinja2")
     lines += [(name, version or "not installed") for name, version in versions(packages).items()]

@@ -22,8 +22,7 @@ TOLERANCES = (1e-2, 1e-3, 1e-4)  # tolerances for settling, as fractions of the 
 
 def made(study: Study) -> Part | None:
     """Build the chapter."""
-    goal = _goal(study)
-    if goal is None:
+    if (goal := _goal(study)) is None:
         return None
     if study.scene.ties:
         return Part(("The settling of arms with ties is not computed.",))
@@ -31,8 +30,7 @@ def made(study: Study) -> Part | None:
     chain, run = study.chain, study.run
     at = run.q[-1].copy()
     at[chain.active] = angles
-    rest = rest_of(chain, at, **study.load)
-    target = tip_position(chain, rest.q)
+    target = tip_position(chain, rest_of(chain, at, **study.load).q)
     if end >= run.t[-1]:
         ends = f"The reference ends at {number(end)} s, the run at {number(float(run.t[-1]))} s."
         return Part((f"{ends} To see the arm settle, make the run longer (run.duration).",))
@@ -54,12 +52,10 @@ def _goal(study: Study) -> tuple[Array, float] | None:
     scene, chain = study.scene, study.chain
     if not scene.drive.controls or scene.motion:
         return None
-    course = scene.course
-    if course is not None:
+    if (course := scene.course) is not None:
         end = float(course.knots[-1])
         return course(end)[0], end
-    links = [chain.coordinates[k].link - 1 for k in chain.active]
-    return scene.joint_targets[links], scene.initial.time
+    return scene.joint_targets[[chain.coordinates[k].link - 1 for k in chain.active]], scene.initial.time
 
 
 def _table(study: Study, target: Array, end: float) -> Table:

@@ -30,8 +30,7 @@ def made(study: Study) -> Part | None:
     )
     mistakes = [finding for finding in found.findings if finding.counts]
     details = f"{study.against.name} describes a different arm; see “Other file”."
-    text = f"{study.against.name}: {mistakes[0]}" if mistakes else details
-    verdict = Verdict("Other file", "fail", "differs", text)
+    verdict = Verdict("Other file", "fail", "differs", f"{study.against.name}: {mistakes[0]}" if mistakes else details)
     if found.passed:
         verdict = Verdict("Other file", "pass", "agrees", f"{study.against.name} describes the same arm.")
     table = Table("theirs", "Terms of the equation of motion: this scene and the file", heads, lines)

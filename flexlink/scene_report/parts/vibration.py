@@ -32,8 +32,7 @@ def made(study: Study) -> Part | None:
     fine = resolved(found, chain)
     if not all(fine):
         few = f"From mode {1 + fine.index(False)} on, some links have fewer than two hinges per half-wave."
-        more = "These frequencies depend on the number of segments; more segments resolve them."
-        sentences.append(f"{few} {more}")
+        sentences.append(f"{few} These frequencies depend on the number of segments; more segments resolve them.")
     heads = ("mode", "frequency [Hz]", "damping ratio", "kind", "tip moves most along", "resolved by the hinges")
     lines = tuple((*_line(found, k), "yes" if fine[k] else "no") for k in range(len(found.eigenvalues)))
     table = Table("modes", "Natural frequencies", heads, lines, to_look_up=len(lines) > 12)
@@ -67,7 +66,7 @@ def _picture(study: Study, found: Modes, fine: tuple[bool, ...]) -> Picture:
     amplitude = 0.08 * study.chain.size
     shown = min(4, len(found.eigenvalues))
     figure = Figure(figsize=(WIDTH, 2.3 * ((shown + 1) // 2)), layout="constrained")
-    axes = np.atleast_1d(figure.subplots((shown + 1) // 2, 2, squeeze=False)).ravel()
+    axes = figure.subplots((shown + 1) // 2, 2, squeeze=False).ravel()
     lines: list[tuple[object, ...]] = []
     for k, panel in enumerate(axes):
         panel.set_visible(k < shown)
