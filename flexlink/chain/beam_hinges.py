@@ -18,7 +18,7 @@ from flexlink.chain.beams import SectionBeam, TableBeam, points_between
 from flexlink.chain.builder import Builder
 from flexlink.chain.compliance import cell_constants, spring_constants
 from flexlink.chain.coordinates import Kind
-from flexlink.chain.rest_angles import RIGID_TURNS, Turns, turns_at_rest
+from flexlink.chain.rest_angles import Turns, turns_at_rest
 from flexlink.chain.rigid import SpatialInertia
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.types import Array
@@ -61,7 +61,7 @@ def add_beam(
         _add_rigid(builder, link, number, beam)
         return []
     segments, stations = segments_of(link, rule, beam, nodes), None
-    turns = _turns(link, rule, nodes)
+    rest, fixed = _turns(link, rule, nodes)
     if link.strains and isinstance(beam, SectionBeam):
         stations = stations_of(link, beam, nodes, weights, [body for body, _, _ in segments])
     rotors = np.zeros((3, len(nodes))) if stations is None else stations.inertias.copy()
@@ -72,9 +72,9 @@ def add_beam(
         if segment and stations is not None and segment % 2:
             slides |= _add_slides(builder, link, number, segment, stations)
         if segment:
-            if turns.fixed is not None:
-                builder.turn(turns.fixed[segment - 1])
-            each = rotors[:, segment - 1].tolist(), turns.angles[segment - 1].tolist()
+            if fixed is not None:
+                builder.turn(fixed[segment - 1])
+            each = rotors[:, segment - 1].tolist(), rest[segment - 1].tolist()
             hinges |= _add_hinges(builder, link, number, segment, rule, *each)
         if segment and stations is not None and not segment % 2:
             slides |= _add_slides(builder, link, number, segment, stations)
@@ -122,7 +122,7 @@ def _add_hinges(
 def _turns(link: Link, rule: LumpingRule, nodes: Array) -> Turns:
     """Turns of the hinges of a link at rest; refuses springs of rotation vectors, which act on the angles from rest."""
     if link.rest_shape is None:
-        return Turns(np.zeros((len(nodes), 3)), None)
+        return np.zeros((len(nodes), 3)), None
     if rule.springs == "rotation" and AXES[link.flex] == AXES["xyz"]:
         text = "its springs act on rotations of links that are straight at rest; use 'gauss' or 'lobatto2'"
         raise SceneError(f"link {link.name!r}: lumping = {link.lumping!r}: {text}", id="rotation-curved")
@@ -132,8 +132,8 @@ def _turns(link: Link, rule: LumpingRule, nodes: Array) -> Turns:
 def _add_rigid(builder: Builder, link: Link, number: int, beam: SectionBeam | TableBeam) -> None:
     """Add a rigid beam that is curved at rest, as straight pieces of one body."""
     rule = lumping_rule("lobatto4")
-    nodes, _ = rule.hinges(RIGID_TURNS)
-    turns = turns_at_rest(link, rule, nodes).fixed
+    nodes, _ = rule.hinges(128)  # so that the centre of mass of a quarter circle is right to 1e-5 of its length
+    _, turns = turns_at_rest(link, rule, nodes)
     for segment, (body, part, end) in enumerate(_segments(beam, nodes.tobytes())):
         if segment and turns is not None:
             builder.turn(turns[segment - 1])

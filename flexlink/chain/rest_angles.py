@@ -7,15 +7,13 @@ the work of the curvature κ₀ for every such M, about each axis of the section
 
 In cells M is given at Gauss points x_q with weights w_q, and Cᵀ W M are the moments at the hinges: W C v = ∫ ℓ_q κ₀ dx.
 By rules on a grid, M is linear between hinges, and beyond the outer ones. So the hinges turn by exactly ∫ κ₀ dx in
-sum, and in cells and elements of two hinges or more, as on a grid, its first moment is exact too, whatever κ₀ is.
+sum, and so is the first moment of these turns, whatever κ₀ is (except by elements of one hinge).
 
 The rest angles of a station are the Euler angles of its rotation exp [v]×, in the order of its hinges; about axes in
 which the link does not bend, its body is turned once and for all before them.
 """
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,15 +26,9 @@ from flexlink.describe.link import AXES, Link
 from flexlink.describe.rest_shape import Along
 from flexlink.describe.schemes.lumping_rules import LumpingRule
 
-RIGID_TURNS = 128
-"""Number of places at which a rigid link that is curved at rest turns."""
-
-
-class Turns(NamedTuple):
-    """Turns of the hinges of a beam at rest."""
-
-    angles: Array  # (N, 3) of the hinges about x, y, z [rad]; 0 if there is no hinge about an axis
-    fixed: Array | None  # (N, 3, 3) turns before the hinges, about axes in which the link does not bend
+Turns = tuple[Array, Array | None]
+"""Angles (N, 3) of the hinges about x, y, z at rest [rad], 0 if there is no hinge about an axis; and turns (N, 3, 3)
+before the hinges, about axes in which the link does not bend, or None."""
 
 
 def turns_at_rest(link: Link, rule: LumpingRule, nodes: Array) -> Turns:
@@ -46,7 +38,7 @@ def turns_at_rest(link: Link, rule: LumpingRule, nodes: Array) -> Turns:
     shape, bends = link.rest_shape or (), [axis - 1 for axis in AXES[link.flex]]
     v = np.transpose([rotations(part, rule, nodes) * link.beam.length for part in shape])
     if not bends:
-        return Turns(np.zeros_like(v), Rotation.from_rotvec(v).as_matrix())
+        return np.zeros_like(v), Rotation.from_rotvec(v).as_matrix()
     largest = np.linalg.norm(v, axis=1).max()
     if largest >= np.pi / 2:  # where Euler angles are singular
         text = f"link {link.name!r}: at rest a hinge turns by {np.degrees(largest):.0f}°, which must be less than 90°; "
@@ -60,7 +52,7 @@ def turns_at_rest(link: Link, rule: LumpingRule, nodes: Array) -> Turns:
             angles[np.ix_(these, np.array(order))] = Rotation.from_rotvec(v[these]).as_euler(_names(order))
     fixed = Rotation.from_euler(_names(stiff), angles[:, stiff]).as_matrix() if angles[:, stiff].any() else None
     angles[:, stiff] = 0.0
-    return Turns(angles, fixed)
+    return angles, fixed
 
 
 def reversed_axes(rule: LumpingRule, count: int) -> NDArray[np.bool_]:

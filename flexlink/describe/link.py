@@ -75,8 +75,9 @@ class Link(Spec, frozen=True):
 
     The beam runs along local X over `length` [m], or along `line`, between two points of the link's frame [m]. The z
     axis of its section points along `up`, by default along the joint's axis (see `line_of`). The link ends where the
-    beam ends, with the axes of the link's frame: `end` and the mount of the next link are attached there. With a
-    standard Denavit-Hartenberg row this end frame is the table's frame i, as in published tables of masses.
+    beam ends, with the axes of the link's frame: `end` and the mount of the next link are attached there; if the
+    link is curved at rest, these axes have turned with its section. With a standard Denavit-Hartenberg row this end
+    frame is the table's frame i, as in published tables of masses.
     A flexible link has segments − 1 hinges, placed by the rule `lumping`.
 
     Examples

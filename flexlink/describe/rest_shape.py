@@ -97,7 +97,7 @@ class ThermalGradient(Spec, frozen=True):
     >>> sunlit = fl.details.ThermalGradient(gradient=500.0, expansion=23e-6)  # aluminium, 10 K across 20 mm
     >>> bent = fl.lump(scene.varied({"link.upper.thermal": sunlit}))
     >>> print(np.degrees(bent.rest[1:3]).round(2))  # °, away from the warm side
-    [-0.2 -0.2]
+    [-0.33 -0.33]
     """
 
     gradient: Annotated[float | tuple[float, float], measured_in("K/m")]
@@ -120,6 +120,8 @@ RestShape = tuple[Along, Along, Along]
 
 def rest_shape(curvature: Curvature, twist: RestTwist | float, thermal: ThermalGradient | None) -> RestShape | None:
     """Twist and curvature of a beam at rest; None if it is straight and not twisted."""
+    if not (curvature or twist or thermal):
+        return None
     if isinstance(curvature, RestCurvature):
         bent = [curvature.along(curvature.y), curvature.along(curvature.z)]
     else:
