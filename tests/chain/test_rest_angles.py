@@ -18,6 +18,7 @@ import flexlink as fl
 from flexlink.chain.rest_angles import rotations
 from flexlink.describe.rest_shape import Along
 from flexlink.describe.schemes.lumping_rules import lumping_rule
+from flexlink.dynamics.sensors.signals import placement_of
 from tests.support.beams import THIN, thin_arm, thin_link
 from tests.support.words import refused
 
@@ -47,6 +48,13 @@ def rod(K: Array, κ: Callable[[float], Any], force: Array, length: float = 1.0,
 
 def link(rule: str, hinges: int, flex: str = "z", **shape: Any) -> fl.Link:
     return replace(thin_link(rule, hinges), **{"flex": flex, **shape})
+
+
+def scene_of(one: fl.Link) -> fl.Scene:
+    thin = fl.Section(shape="general", area=1.0, i_y=THIN, i_z=THIN, torsion=THIN)
+    arm = fl.Arm(links=(one,), materials={"unit": fl.Material(young=1 / THIN, poisson=-0.5, density=1.0)},
+                 sections={"thin": thin})  # fmt: skip
+    return fl.Scene(name="arc", arm=arm, gravity=(0, 0, 0), run=fl.RunSettings(step=1e-3, duration=0.01))
 
 
 def bent_tip(chain: fl.Chain, force: Array) -> Array:
@@ -103,7 +111,7 @@ def test_a_twisted_rod_bends_in_space_with_order_two(rule: str, shape: dict[str,
     first, second, third = (np.linalg.norm(tip - truth) for tip in tips)
     assert third < 1.3e-4
     assert np.log2([first / second, second / third]) == pytest.approx([2, 2], abs=0.2)
-    assert np.linalg.norm((4 * tips[2] - tips[1]) / 3 - truth) < 8e-6  # what is left after extrapolation
+    assert np.linalg.norm((4 * tips[2] - tips[1]) / 3 - truth) < 8e-6  # extrapolated
 
 
 @pytest.mark.slow
@@ -187,11 +195,10 @@ def test_axes_without_hinges_are_turned_once_and_for_all(flex: str) -> None:
 
 
 def test_runs_start_unloaded_and_gauges_read_what_is_beyond_the_rest() -> None:
-    arm = fl.Arm(links=(link("lobatto2", 8, curvature=QUARTER),), sections={"thin": thin()},
-                 materials={"unit": fl.Material(young=1 / THIN, poisson=-0.5, density=1.0)})  # fmt: skip
-    scene = fl.Scene(name="arc", arm=arm, gravity=(0, 0, 0), run=fl.RunSettings(step=1e-3, duration=0.01))
+    scene = scene_of(link("lobatto2", 8, curvature=QUARTER))
     chain = fl.lump(scene)
-    assert np.array_equal(fl.simulate(scene).q, np.tile(chain.rest, (len(fl.simulate(scene).t), 1)))
+    run = fl.simulate(scene)
+    assert np.array_equal(run.q, np.tile(chain.rest, (len(run.t), 1)))
     gauge = fl.strength.beam_strain(scene, chain.rest, link="link", fibre=(0.1, 0.0))
     assert np.array_equal(gauge.strain, np.zeros(8))
     moment = fl.solve_static(chain, tip_wrench=[0, 0, 0, 0, 0, 0.3]).q
@@ -204,8 +211,16 @@ def test_runs_start_unloaded_and_gauges_read_what_is_beyond_the_rest() -> None:
     )
 
 
-def thin() -> fl.Section:
-    return fl.Section(shape="general", area=1.0, i_y=THIN, i_z=THIN, torsion=THIN)
+@pytest.mark.parametrize("place", [{"x": 0.5}, {"point": (0.45016, 0.18646, 0.0)}])
+def test_sensors_are_on_the_curve_with_axes_that_turn_along_it(place: dict[str, Any]) -> None:
+    scene = scene_of(link("lobatto4", 64, curvature=QUARTER))
+    chain = fl.lump(scene)
+    body, point, axes = placement_of(fl.Sensor(name="a", kind="accelerometer", link="link", **place), scene)
+    here = fl.frames(chain, chain.rest)
+    R, p = here.rotations[body], here.points[body]
+    half, c = 1 / QUARTER, np.sqrt(0.5)
+    assert R @ point + p == pytest.approx([c * half, half - c * half, 0], abs=2e-4)
+    assert pytest.approx(np.array([[c, -c, 0], [c, c, 0], [0, 0, 1]]), abs=0.02) == R @ axes.T
 
 
 def test_what_has_no_meaning_is_refused_by_name() -> None:
