@@ -152,10 +152,10 @@ class ModelRunner:
         ]  # fmt: skip
 
     def states(self, chain: Chain) -> list[tuple[float, Array, Array]]:
-        """Times, angles and rates of a chain with straight links in the sampled configurations."""
+        """Times, angles and rates of a chain with unloaded links in the sampled configurations."""
         states = []
         for time, angles, rates in self.postures or [(self.scene.initial.time, {}, {})]:
-            q, qd = np.zeros((2, chain.n))
+            q, qd = chain.rest.copy(), np.zeros(chain.n)
             for k in chain.active.tolist():
                 link = chain.coordinate(k).link
                 q[k] = angles.get(link, self.scene.joint_positions[link - 1])

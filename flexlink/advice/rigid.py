@@ -1,7 +1,7 @@
 """Estimate the error of rigid links without a flexible run, from the spring loads that the rigid run implies.
 
-    θ = −K⁻¹ (M q̈ + T_GC)        angles that the links' hinges would have, from q, q̇, q̈ of the rigid run
-    u = p(q, θ) − p(q, 0)        quasi-static deflection of the tip
+    θ = −K⁻¹ (M q̈ + T_GC)        angles from rest that the links' hinges would have, from q, q̇, q̈ of the rigid run
+    u = p(q, θ₀ + θ) − p(q, θ₀)  quasi-static deflection of the tip
     ÿ + ω² (y − u) = 0           vibration y of the tip, ω the lowest natural frequency
     d                            drift of the tip when springs that are initially bent are released (`release`)
 
@@ -101,13 +101,13 @@ def estimate(runner: ModelRunner, strict: Outcome, axes: Axes, norm: TipErrorNor
     assert run is not None
     chain = runner.chain(model)
     there = [chain.index(*coordinate) for coordinate in run.chain.coordinates]
-    q, qd, qdd = np.zeros((3, len(run.q), chain.n))
+    q, (qd, qdd) = np.tile(chain.rest, (len(run.q), 1)), np.zeros((2, len(run.q), chain.n))
     q[:, there], qd[:, there], qdd[:, there] = run.q, run.qd, run.accelerations()  # 0 at the hinges
     loads = inverse_dynamics(chain, q, qd, qdd, tip_wrench=run.tip_wrench) + force_torque(chain, q, qd)
     bent = chain.where(Kind.HINGE)
     θ = np.zeros_like(q)
     θ[:, bent] = np.clip(deflections(chain, -loads)[:, bent], -1.0, 1.0)  # [rad]; larger values do not matter
-    u = tip_position(chain, q + θ) - run.tip
+    u = tip_position(chain, q + θ) - tip_position(chain, q)
     ω = slowest_frequency(chain, q[0])
     start, drift = release(runner, strict, model, q[0])
     y = oscillator_response(u, ω, runner.scene.run.spacing, start)

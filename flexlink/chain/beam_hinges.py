@@ -18,6 +18,7 @@ from flexlink.chain.beams import SectionBeam, TableBeam, points_between
 from flexlink.chain.builder import Builder
 from flexlink.chain.compliance import cell_constants, spring_constants
 from flexlink.chain.coordinates import Kind
+from flexlink.chain.rest_angles import Turns, turns_at_rest
 from flexlink.chain.rigid import SpatialInertia
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.types import Array
@@ -56,7 +57,11 @@ def add_beam(
 ) -> list[Springs]:
     """Add segments, hinges and slides of a beam along the x axis of the running frame; return its springs."""
     rule = lumping_rule(link.lumping)
+    if link.rest_shape is not None and link.flex == "rigid":
+        _add_rigid(builder, link, number, beam)
+        return []
     segments, stations = segments_of(link, rule, beam, nodes), None
+    rest, fixed = _turns(link, rule, nodes)
     if link.strains and isinstance(beam, SectionBeam):
         stations = stations_of(link, beam, nodes, weights, [body for body, _, _ in segments])
     rotors = np.zeros((3, len(nodes))) if stations is None else stations.inertias.copy()
@@ -67,7 +72,10 @@ def add_beam(
         if segment and stations is not None and segment % 2:
             slides |= _add_slides(builder, link, number, segment, stations)
         if segment:
-            hinges |= _add_hinges(builder, link, number, segment, rule, rotors[:, segment - 1].tolist())
+            if fixed is not None:
+                builder.turn(fixed[segment - 1])
+            each = rotors[:, segment - 1].tolist(), rest[segment - 1].tolist()
+            hinges |= _add_hinges(builder, link, number, segment, rule, *each)
         if segment and stations is not None and not segment % 2:
             slides |= _add_slides(builder, link, number, segment, stations)
         if body is not None:
@@ -94,7 +102,7 @@ Places = dict[tuple[int, int], int]
 
 
 def _add_hinges(
-    builder: Builder, link: Link, number: int, segment: int, rule: LumpingRule, rotors: list[float]
+    builder: Builder, link: Link, number: int, segment: int, rule: LumpingRule, rotors: list[float], rest: list[float]
 ) -> Places:
     """Add a body with the hinges before a segment."""
     builder.start_body(link=link.beam.frame.T)
@@ -104,11 +112,34 @@ def _add_hinges(
     for axis in AXES[link.flex][:: -1 if backward else 1]:
         places[axis - 1, segment - 1] = len(builder.hinges)
         at = Kind.HINGE.at(number, segment, axis - 1)
-        builder.add_hinge(at, axis - 1, 0.0, 0.0, *friction, armature=rotors[axis - 1])
+        builder.add_hinge(at, axis - 1, 0.0, 0.0, *friction, armature=rotors[axis - 1], rest=rest[axis - 1])
     if rule.springs == "rotation" and AXES[link.flex] == AXES["xyz"]:
         leads = rule.cells is not None and rule.cells.hinges == PAIR and segment % PAIR == 1
         builder.body.springs = int(SPRINGS.cell if leads else SPRINGS.rotation)
     return places
+
+
+def _turns(link: Link, rule: LumpingRule, nodes: Array) -> Turns:
+    """Turns of the hinges of a link at rest; refuses springs of rotation vectors, which act on the angles from rest."""
+    if link.rest_shape is None:
+        return np.zeros((len(nodes), 3)), None
+    if rule.springs == "rotation" and AXES[link.flex] == AXES["xyz"]:
+        text = "its springs act on rotations of links that are straight at rest; use 'gauss' or 'lobatto2'"
+        raise SceneError(f"link {link.name!r}: lumping = {link.lumping!r}: {text}", id="rotation-curved")
+    return turns_at_rest(link, rule, nodes)
+
+
+def _add_rigid(builder: Builder, link: Link, number: int, beam: SectionBeam | TableBeam) -> None:
+    """Add a rigid beam that is curved at rest, as straight pieces of one body."""
+    rule = lumping_rule("lobatto4")
+    nodes, _ = rule.hinges(128)  # so that the centre of mass of a quarter circle is right to 1e-5 of its length
+    _, turns = turns_at_rest(link, rule, nodes)
+    for segment, (body, part, end) in enumerate(_segments(beam, nodes.tobytes())):
+        if segment and turns is not None:
+            builder.turn(turns[segment - 1])
+        if body is not None:
+            builder.add(body)
+        builder.advance(number, part, end)
 
 
 def _add_slides(builder: Builder, link: Link, number: int, segment: int, stations: Stations) -> Places:

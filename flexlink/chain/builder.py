@@ -159,9 +159,10 @@ class Builder:
     def add_hinge(
         self, coordinate: Coordinate, axis: int, stiffness: float = 0.0, damping: float = 0.0, coulomb: float = 0.0,
         width: float = 1.0, *, armature: float = 0.0, lower: float = -np.inf, upper: float = np.inf, held: bool = False,
+        rest: float = 0.0,
     ) -> None:  # fmt: skip
         """Add a hinge to the current body; axis and units as in dtype `HINGE`."""
-        self.hinges.append((axis, stiffness, 0.0, damping, coulomb, width, armature, lower, upper, held))
+        self.hinges.append((axis, stiffness, rest, damping, coulomb, width, armature, lower, upper, held))
         self.coordinates.append(coordinate)
         self.body.stop += 1
 

@@ -42,7 +42,7 @@ def spring_constants(beam: TableBeam, rule: LumpingRule, nodes: Array, weights: 
         found = by_intervals
         if rule.grid is None and len(stretches) <= 100:  # a polynomial through more nodes is ill-conditioned
             (_, x, weight), per = beam.flexibility(np.array(edges), len(nodes[which]))
-            basis = _lagrange(nodes[which], x)  # with the factor g(x)/g(x_j) of a `jacobi` rule
+            basis = lagrange(nodes[which], x)  # with the factor g(x)/g(x_j) of a `jacobi` rule
             if rule.jacobi is not None:
                 tip, root = rule.jacobi.tip, rule.jacobi.root
                 basis *= ((1 - x) ** tip * x**root)[:, None] / ((1 - nodes[which]) ** tip * nodes[which] ** root)
@@ -57,7 +57,7 @@ def cell_constants(beam: TableBeam, cells: Cells, count: int) -> Array:
     p, cell = cells.hinges, cells.cell
     edges = np.linspace(0.0, 1.0, count // p + 1)
     (owner, x, weight), per = beam.flexibility(edges, 2 * (p - 1))
-    basis = _lagrange(cell.points, (x - edges[owner]) * (count // p))
+    basis = lagrange(cell.points, (x - edges[owner]) * (count // p))
     F = np.zeros((3, count // p, p, p))
     for axis in range(3):
         np.add.at(F[axis], owner, (weight * per[axis])[:, None, None] * basis[:, :, None] * basis[:, None, :])
@@ -98,7 +98,7 @@ def _panels(rule: LumpingRule, nodes: Array, weights: Array) -> list[Panel]:
     return panels
 
 
-def _lagrange(nodes: Array, x: Array) -> Array:
+def lagrange(nodes: Array, x: Array) -> Array:
     """Lagrange polynomials ℓ_j(x), shape (points, N)."""
     found = np.ones((len(x), len(nodes)))
     for j, node in enumerate(nodes):

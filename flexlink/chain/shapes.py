@@ -3,8 +3,8 @@
 A shape is a curvature along the link, the angles of its hinges: bending about y or z of the section, or twist. The
 curvature, not the displacement, is a sum of shapes, so nothing is linearised. All other joints move one by one.
 
-eigenmodes      K φ = ω² M φ for the link's hinges in one direction, with all distal bodies, at zero angles, all other
-                joints locked; the slowest first
+eigenmodes      K φ = ω² M φ for the link's hinges in one direction, with all distal bodies, all springs slack, all
+                other joints at zero and locked; the slowest first
 polynomials     the bending or twisting moment k φ is a Legendre polynomial of the position of the hinge along the link
 
 Each shape is divided by its largest entry, so its coordinate is the angle of the hinge that moves most [rad].
@@ -38,7 +38,7 @@ def with_shapes(chain: Chain, scene: Scene) -> Chain:
     if not shaped:
         return chain
     M, K = np.zeros((chain.n, chain.n)), chain.matrix("stiffness")
-    mass_upper(chain.arrays, np.zeros(chain.n), M)
+    mass_upper(chain.arrays, chain.rest.copy(), M)
     places = np.cumsum(chain.lengths)[np.searchsorted(chain.bodies["stop"], np.arange(chain.n), side="right")]
     parts: list[tuple[Hinges, Array]] = []
     for number, link, modes in shaped:

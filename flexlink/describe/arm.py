@@ -124,6 +124,9 @@ class Arm(Spec, frozen=True):
                 yield Diagnostic(f"{self.path(k)}.section_tip = {link.section_tip!r}: {text}", "section-shapes-differ")
         if len({link.dh.convention for link in self.links if link.dh is not None}) > 1:
             yield Diagnostic("link.dh.convention: differs between links; use only one", "dh-conventions-differ")
+        if any(link.dh for link in self.links) and (bent := [link.name for link in self.links if link.rest_shape]):
+            text = f"link {bent[0]!r} is curved at rest, and tables of dh describe straight links; use mount instead"
+            yield Diagnostic(f"link.dh: {text}", "dh-curved")
         yield from self._wrong_law()
         if not self.base.free and all(link.joint.locked and not link.elastic for link in self.links):
             text = "link: every joint is locked and every link rigid; unlock a joint or let a link bend"

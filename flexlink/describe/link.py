@@ -14,6 +14,7 @@ from flexlink.data import documents
 from flexlink.describe.directions import Line, line_of, unit
 from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
 from flexlink.describe.material import Damping, Friction
+from flexlink.describe.rest_shape import Curvature, RestShape, RestTwist, ThermalGradient, ends, rest_shape
 from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, measured_in
 
@@ -74,8 +75,9 @@ class Link(Spec, frozen=True):
 
     The beam runs along local X over `length` [m], or along `line`, between two points of the link's frame [m]. The z
     axis of its section points along `up`, by default along the joint's axis (see `line_of`). The link ends where the
-    beam ends, with the axes of the link's frame: `end` and the mount of the next link are attached there. With a
-    standard Denavit-Hartenberg row this end frame is the table's frame i, as in published tables of masses.
+    beam ends, with the axes of the link's frame: `end` and the mount of the next link are attached there; if the
+    link is curved at rest, these axes have turned with its section. With a standard Denavit-Hartenberg row this end
+    frame is the table's frame i, as in published tables of masses.
     A flexible link has segments − 1 hinges, placed by the rule `lumping`.
 
     Examples
@@ -119,6 +121,13 @@ class Link(Spec, frozen=True):
     a general section. Default: sections remain normal to the axis."""
     stretch: bool = False
     """Whether the beam stretches along its axis. Default: the axis keeps its length."""
+    curvature: Annotated[Curvature, measured_in("1/m")] = 0.0
+    """Curvature of the unloaded beam about its section's z, or about y and z [1/m], or a table along it; positive about
+    z bends towards y. The link then begins along its `line` or x, and `length` is measured along the curve."""
+    twist: Annotated[RestTwist | float, measured_in("rad/m")] = 0.0
+    """Twist of the unloaded beam about its axis [rad/m], or a table along it; the section turns with it."""
+    thermal: ThermalGradient | None = None
+    """A temperature gradient across the section, which curves the unloaded beam further. Default: none."""
     modes: StrainModes | Annotated[int, msgspec.Meta(ge=1, le=1000)] | None = None
     """Strain modes: the link's hinges move only by this number of shapes in each direction. Default: one by one."""
     material: str | None = None
@@ -161,6 +170,8 @@ class Link(Spec, frozen=True):
                 given = f"root_damping.{axis} = {damping!r}"
                 raise SceneError(f"{given}: needs a root_stiffness.{axis}", id="needs-another-key")
         length = self.beam.length
+        if self.rest_shape is not None:
+            self._check_curved(length)
         if self.flex != "rigid":
             self._check_flexible(length)
         else:
@@ -197,6 +208,21 @@ class Link(Spec, frozen=True):
         if self.rigidity is not None and self.strains:
             why = f"rigidity = {self.rigidity!r} has no stiffness for it; use a material and a section"
             raise SceneError(f"{self._strains}: {why}", id="strains-need-a-section")
+
+    def _check_curved(self, length: float) -> None:
+        given = ", ".join(key for key in ("curvature", "twist", "thermal") if getattr(self, key))
+        if length == 0 or (self.material is None and self.rigidity is None):
+            why = "a link that is curved or twisted at rest needs a length, and a material and a section, or a rigidity"
+            raise SceneError(f"{given}: {why}", id="needs-another-key")
+        for end in ends(self.curvature, self.twist):
+            if abs(end - length) > 1e-6 * length:  # as for a table of rigidities
+                text = f"ends at x = {end!r} m; the beam ends at {length!r} m; both must be equal"
+                raise SceneError(f"{given}: {text}", id="rigidity-table")
+
+    @property
+    def rest_shape(self) -> RestShape | None:
+        """Twist and curvature of the unloaded beam; None if it is straight and not twisted."""
+        return rest_shape(self.curvature, self.twist, self.thermal)
 
     @property
     def joint_name(self) -> str:

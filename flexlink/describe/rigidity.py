@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import itertools
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -15,6 +14,7 @@ from flexlink.common.errors import DataFileError, SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import both_given
 from flexlink.data.csv_table import head_of, read_csv
+from flexlink.describe.rest_shape import check_rows
 from flexlink.describe.spec import NonNegative, Positive, Spec, measured_in
 
 COLUMNS = {"ei_y": "N m²", "ei_z": "N m²", "gj": "N m²", "rho_a": "kg/m", "rho_i_y": "kg m", "rho_i_z": "kg m"}
@@ -68,14 +68,7 @@ class Rigidity(Spec, frozen=True):
         super().__post_init__()
         if self.file is not None:
             self._read(self.file)
-        if len(self.x) < 2 or self.x[0] != 0:
-            raise self._refused("x", "expected two rows or more, the first at 0", "rigidity-table")
-        for k, (before, x) in enumerate(itertools.pairwise(self.x), 1):
-            if x < before or (k >= 2 and x == before == self.x[k - 2]):
-                why = f"must not be less than x[{k - 1}] = {before!r}; at most two rows may be equal"
-                raise SceneError(f"x[{k}] = {x!r}: {why}", id="rigidity-table")
-        if self.x[0] == self.x[1] or self.x[-1] == self.x[-2]:
-            raise self._refused("x", "the ends of a beam cannot have jumps; give one row there", "rigidity-table")
+        check_rows(self, self.x)
         for name in COLUMNS:
             column = getattr(self, name)
             if column is not None and len(column) != len(self.x):

@@ -221,7 +221,7 @@ def _static_posture(chain: Chain, q: Array, wrench: Array, frame: Frame) -> Arra
 
 def static_postures(chain: Chain, angles: Array) -> Array:
     """Equilibria (rows, n) under gravity with driven joints held at angles (rows, driven) [rad], each from the last."""
-    held, q, postures = chain.active, np.zeros(chain.n), np.zeros((len(angles), chain.n))
+    held, q, postures = chain.active, chain.rest.copy(), np.zeros((len(angles), chain.n))
     free, found = unlocked(chain, held.tolist()), 0
     while found < len(angles):
         q[held] = angles[found]

@@ -340,7 +340,7 @@ def balance(scene: Scene) -> Iterator[Diagnostic]:
 
 def _angles(scene: Scene, chain: Chain) -> Array:
     """Initial joint coordinates, springs slack [rad, m]."""
-    q, starts = np.zeros(chain.n), scene.joint_positions
+    q, starts = chain.rest.copy(), scene.joint_positions
     q[chain.active] = [starts[chain.coordinates[int(k)].link - 1] for k in chain.active]
     return q
 

@@ -7,6 +7,7 @@ curvature at the cell's Gauss points instead:
 
     κ(x_q) = 1/h Σ_j C_qj θ_j        strain ε = ε₀ + z κ_y − y κ_z
 
+For a link that is curved at rest, θ is measured from the rest angles, and κ from its curvature at rest.
 The axis is strained, ε₀ = u/(w L) from the slide u of a station, if the link stretches; otherwise ε₀ = 0.
 
 If EI is given by a table, κ = M/EI at these points, where M is the moment in the springs.
@@ -56,10 +57,10 @@ class BeamStrain(Result):
 def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike) -> BeamStrain:
     """Return the curvature of a link and the strain of a fibre at its hinges, or at the Gauss points of cells.
 
-    κ = θ/(w L); in cells of coupled springs (lumping "lobatto2", "lobatto4") it follows from all angles of the cell.
-    The error is of order θ² if a hinge bends and twists at once, unless its springs act on rotation vectors. The
-    root of the beam has no hinge; there κ = M/EI. The strain contains that of the axis, N/(EA), if the link has
-    `stretch`. Otherwise add it, since a gauge measures it, with N from `internal_loads(…).N`.
+    κ = θ/(w L), less the curvature at rest; in cells of coupled springs (lumping "lobatto2", "lobatto4") it follows
+    from all angles of the cell. The error is of order θ² if a hinge bends and twists at once, unless its springs act on
+    rotation vectors. The root of the beam has no hinge; there κ = M/EI. The strain contains that of the axis, N/(EA),
+    if the link has `stretch`. Otherwise add it, since a gauge measures it, with N from `internal_loads(…).N`.
 
     Parameters
     ----------
@@ -106,7 +107,7 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
     with np.errstate(over="ignore", invalid="ignore"):
         for axis in AXES[bent.flex]:
             hinges = [chain.index(number, segment, axis) for segment in range(1, len(nodes) + 1)]
-            θ = held[..., axis - 1] = held_angles(chain, angles)[..., hinges]
+            θ = held[..., axis - 1] = (held_angles(chain, angles) - chain.rest)[..., hinges]
             if bent.rigidity is not None:
                 beam = TableBeam(length, arm.rigidities[bent.rigidity])
                 curvature[..., axis - 1] = curvatures(beam, rule, (nodes, weights), θ)[axis - 1]

@@ -29,10 +29,12 @@ COMPILES = "kernels compile in two thirds of the time, and a wheel has one archi
 LOOPS = (
     "ties: loops, cylinders, stops, ropes, in runs, statics, modes and MJCF; runs start from what earlier runs prepared"
 )
+CURVED = "links that are curved, twisted or warm on one side at rest"
 RAISED = {
     "lines of contracts": (7, "fits, sweeps, reports, advice and robots call the library, not its kernels"),
-    "classes": (8, f"{COMPILES}; {LOOPS}"), "constants": (23, f"{COMPILES}; {LOOPS}"),
-    "lines": (620, f"{COMPILES}; {LOOPS}"), "files": (8, LOOPS), "files that simulate imports": (5, LOOPS),
+    "classes": (12, f"{COMPILES}; {LOOPS}; {CURVED}"), "constants": (23, f"{COMPILES}; {LOOPS}"),
+    "lines": (620, f"{COMPILES}; {LOOPS}"), "files": (9, f"{LOOPS}; {CURVED}"),
+    "files that simulate imports": (5, LOOPS),
 }  # fmt: skip
 """By how much a limit may be exceeded, and the reason."""
 HOPS = 8

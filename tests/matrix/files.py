@@ -18,7 +18,7 @@ LENGTH, MASS, TIME = 4.0, 16.0, 0.25
 """Factors of units: even powers of two, so that square roots are rounded equally in both units."""
 SIZES = {
     "m": LENGTH, "kg": MASS, "s": TIME, "Hz": 1 / TIME, "N": MASS * LENGTH / TIME**2, "Pa": MASS / LENGTH / TIME**2,
-    "rad": 1.0, "deg": 1.0, "1": 1.0,
+    "rad": 1.0, "deg": 1.0, "K": 1.0, "1": 1.0,
 }  # fmt: skip
 POWERS = {"²": 2, "³": 3}
 

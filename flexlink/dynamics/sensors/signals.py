@@ -119,8 +119,9 @@ def placement_of(sensor: Sensor, scene: Scene) -> tuple[int, Array, Array]:
 
     The result is the index of a body in `chain.bodies`, the point in its axes [m], (3,), and the measured directions as
     unit vectors (columns, 3), in axes of the body; for a position sensor, in axes of frame 0. On a flexible link the
-    body is the segment at the sensor's position; at a hinge, the outboard segment. Parts that are fixed in frame 0 are
-    refused.
+    body is the segment at the sensor's position; at a hinge, the outboard segment. On a link that is curved at rest, a
+    point is on the nearest segment, and the directions turn along the beam with the section. Parts that are fixed in
+    frame 0 are refused.
     """
     scene = open_chain(scene)
     chain, arm = lump(scene), scene.arm
@@ -129,16 +130,21 @@ def placement_of(sensor: Sensor, scene: Scene) -> tuple[int, Array, Array]:
         return BODY, np.array(sensor.point or (0.0, 0.0, 0.0)), wanted
     number = arm.number(sensor.link)
     link, of_link = arm.links[number - 1], [piece for piece in pieces(scene) if piece.link == number]
-    unbent = forward_kinematics(chain.arrays, np.zeros(chain.n))
+    unbent = forward_kinematics(chain.arrays, chain.rest.copy())
     R, p = np.concatenate([np.eye(3)[None], unbent.rotations]), np.concatenate([np.zeros((1, 3)), unbent.points])
     (start, length, frame), root = link.beam, of_link[0]
     axes = R[root.body] @ root.place.R @ frame.T  # axes of the link in frame 0
     origin = p[root.body] + R[root.body] @ root.place.p - axes @ start
-    body, position = _beam_position(sensor, chain, link, of_link)
+    piece, body, position = _beam_position(sensor, chain, link, of_link)
     if sensor.point is not None:
-        along = float((np.array(sensor.point) - start) @ frame[:, 0])
-        body = _piece_at(of_link, along / length if length else 1.0).body
-        position = R[body].T @ (origin + axes @ sensor.point - p[body])
+        along, point = float((np.array(sensor.point) - start) @ frame[:, 0]), origin + axes @ sensor.point
+        piece = _piece_at(of_link, along / length if length else 1.0)
+        if link.rest_shape is not None:
+            piece = min(of_link, key=lambda each: _distance(point, R[each.body], p[each.body], each))
+        body = piece.body
+        position = R[body].T @ (point - p[body])
+    if link.rest_shape is not None:
+        axes = R[piece.body] @ piece.place.R @ frame.T  # they turn along the beam
     if not body:
         why = "is mounted on a part that is fixed in frame 0; choose a position beyond the first hinge"
         raise SceneError(f"sensor.{sensor.name}: {why}", id="sensor-on-fixed-part")
@@ -153,15 +159,21 @@ def check_placements(scene: Scene) -> None:
             placement_of(sensor, scene)
 
 
-def _beam_position(sensor: Sensor, chain: Chain, link: Link, of_link: list[Piece]) -> tuple[int, Array]:
-    """Body number, from 1, and position in it of a sensor along the beam; by default at the end of the link."""
+def _beam_position(sensor: Sensor, chain: Chain, link: Link, of_link: list[Piece]) -> tuple[Piece, int, Array]:
+    """Piece, body number, from 1, and position in it of a sensor along the beam; by default at the end of the link."""
     if sensor.x is None and link.name in chain.tips:
-        return chain.tips[link.name] + 1, np.zeros(3)
+        return of_link[-1], chain.tips[link.name] + 1, np.zeros(3)
     part = 1.0 if sensor.x is None or not link.beam.length else sensor.x / link.beam.length
     piece = _piece_at(of_link, part)
     first, last = piece.part
     gone = (part - first) / (last - first) if last > first else 0.0
-    return piece.body, piece.place.p + piece.place.R @ (piece.end * gone)
+    return piece, piece.body, piece.place.p + piece.place.R @ (piece.end * gone)
+
+
+def _distance(point: Array, R: Array, p: Array, piece: Piece) -> float:
+    """Distance of a point in frame 0 from a piece of a body with this pose [m]."""
+    from_start = piece.place.R.T @ (R.T @ (point - p) - piece.place.p)
+    return float(np.linalg.norm(from_start - np.clip(from_start, 0.0, piece.end)))
 
 
 def _piece_at(of_link: list[Piece], part: float) -> Piece:

@@ -99,7 +99,7 @@ def held_joints(inputs: Inputs, scene: Scene) -> Indices:
 def stated(scene: Scene, chain: Chain) -> tuple[Array, Array]:
     """q0 and q̇0 (n,) [rad, rad/s, m, m/s] as specified for joints and for a free base, with springs unloaded."""
     initial, base = scene.initial, scene.initial.base
-    q, qd = spread(chain, scene.joint_positions), np.zeros(chain.n)
+    q, qd = chain.rest + spread(chain, scene.joint_positions), np.zeros(chain.n)
     if initial.rate_deg or initial.rate_m:
         qd = spread(chain, scene.joint_rates)
     if chain.has_free_base:

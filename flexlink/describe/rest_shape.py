@@ -1,0 +1,154 @@
+"""Curvature and twist of a link at rest: constant, tabulated along it, or due to a temperature gradient.
+
+The centre line of a beam without loads begins at its root along x of the section. With s the distance along it, the
+position r and the axes R of the sections obey (Love 1927, A Treatise on the Mathematical Theory of Elasticity, ch. 18)
+
+    r' = R e_x        R' = R [κ₀]×        κ₀ = (twist, κ_y, κ_z)
+
+in axes of the section, right-handed: κ_z > 0 bends the beam towards its y, κ_y > 0 away from its z. A temperature
+T₀ + g_y y + g_z z with the expansion α strains the fibre (y, z) by α (g_y y + g_z z) = z κ_y − y κ_z, so it adds
+
+    κ_y = α g_z        κ_z = −α g_y                (Boley & Weiner 1960, Theory of Thermal Stresses, ch. 10)
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from flexlink.common.errors import SceneError
+from flexlink.common.types import Array
+from flexlink.describe.spec import NonNegative, Spec, measured_in
+
+Row = tuple[float, ...]
+
+
+class Along(NamedTuple):
+    """A number along a beam, linear between rows; at two rows of the same place it jumps."""
+
+    x: Array  # (rows,), relative to the length, from 0 to 1
+    values: Array  # (rows,)
+
+    def at(self, x: Array) -> Array:
+        """Values at places between rows, (…)."""
+        return np.interp(x, self.x, self.values)
+
+
+class _Table(Spec, frozen=True):
+    """Columns along a beam."""
+
+    x: Annotated[tuple[NonNegative, ...], measured_in("m")]
+    """Positions of the rows along the beam, from 0 at its root to its length [m]."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_rows(self, self.x)
+        for name in self.__struct_fields__[1:]:
+            if (column := getattr(self, name)) and len(column) != len(self.x):
+                raise self._refused(name, f"expected one number per row of x, {len(self.x)}", "one-per-row")
+
+    def along(self, column: Row) -> Along:
+        """A column of the table, zero if it is not given."""
+        x = np.array(self.x)
+        return Along(x / x[-1], np.array(column or np.zeros(len(x))))
+
+
+class RestCurvature(_Table, frozen=True):
+    """Curvature of a link at rest as a table along it, such as a measured centre line.
+
+    Columns are linear between rows, and jump where two rows have the same x.
+
+    Examples
+    --------
+    >>> hook = fl.details.RestCurvature(x=(0.0, 0.5, 0.5, 1.0), z=(0.0, 0.0, 3.0, 3.0))  # straight, then bent
+    >>> bent = fl.lump(scene.varied({"link.upper.length": 1.0, "link.upper.curvature": hook}))
+    >>> print(f"{np.degrees(bent.rest.sum()):.1f}")  # °
+    85.9
+    """
+
+    y: Annotated[Row, measured_in("1/m")] = ()
+    """Curvature about the section's y [1/m]; positive bends away from its z. Default: 0."""
+    z: Annotated[Row, measured_in("1/m")] = ()
+    """Curvature about the section's z [1/m]; positive bends towards its y. Default: 0."""
+
+
+class RestTwist(_Table, frozen=True):
+    """Twist of a link at rest as a table along it; linear between rows, with jumps where two rows have the same x.
+
+    Examples
+    --------
+    >>> blade = fl.details.RestTwist(x=(0.0, 1.0), rate=(0.4, 0.0))  # rad/m
+    >>> print(blade)
+    RestTwist(x=(0.0, 1.0), rate=(0.4, 0.0))
+    """
+
+    rate: Annotated[Row, measured_in("rad/m")] = ()
+    """Twist per length about the beam's axis [rad/m]."""
+
+
+class ThermalGradient(Spec, frozen=True):
+    """A temperature gradient across a link's section, which bends the link at rest.
+
+    Examples
+    --------
+    >>> sunlit = fl.details.ThermalGradient(gradient=500.0, expansion=23e-6)  # aluminium, 10 K across 20 mm
+    >>> bent = fl.lump(scene.varied({"link.upper.thermal": sunlit}))
+    >>> print(np.degrees(bent.rest[1:3]).round(2))  # °, away from the warm side
+    [-0.33 -0.33]
+    """
+
+    gradient: Annotated[float | tuple[float, float], measured_in("K/m")]
+    """Temperature gradient along the section's y, or along its y and z [K/m]; positive if the side of larger y is
+    warmer."""
+    expansion: Annotated[float, measured_in("1/K")]
+    """Thermal expansion α of the material [1/K]: 12e-6 for steel, 23e-6 for aluminium."""
+
+    @property
+    def curvatures(self) -> tuple[float, float]:
+        """Curvature about the section's y and z [1/m]."""
+        along_y, along_z = self.gradient if isinstance(self.gradient, tuple) else (self.gradient, 0.0)
+        return self.expansion * along_z, -self.expansion * along_y
+
+
+Curvature = RestCurvature | float | tuple[float, float]
+RestShape = tuple[Along, Along, Along]
+"""Twist [rad/m], κ_y and κ_z [1/m] along a beam."""
+
+
+def rest_shape(curvature: Curvature, twist: RestTwist | float, thermal: ThermalGradient | None) -> RestShape | None:
+    """Twist and curvature of a beam at rest; None if it is straight and not twisted."""
+    if not (curvature or twist or thermal):
+        return None
+    if isinstance(curvature, RestCurvature):
+        bent = [curvature.along(curvature.y), curvature.along(curvature.z)]
+    else:
+        bent = [_constant(κ) for κ in (curvature if isinstance(curvature, tuple) else (0.0, curvature))]
+    twisted = twist.along(twist.rate) if isinstance(twist, RestTwist) else _constant(twist)
+    warm = (0.0, 0.0) if thermal is None else thermal.curvatures
+    κ_y, κ_z = (part._replace(values=part.values + added) for part, added in zip(bent, warm, strict=True))
+    found = twisted, κ_y, κ_z
+    return found if any(part.values.any() for part in found) else None
+
+
+def _constant(value: float) -> Along:
+    return Along(np.array([0.0, 1.0]), np.array([value, value]))
+
+
+def ends(*given: object) -> Iterator[float]:
+    """Last position of each of these that is a table [m]."""
+    yield from (table.x[-1] for table in given if isinstance(table, _Table))
+
+
+def check_rows(table: Spec, x: tuple[float, ...]) -> None:
+    """Refuse positions of rows that do not begin at 0 and increase; between the ends two may be equal."""
+    if len(x) < 2 or x[0] != 0:
+        raise table._refused("x", "expected two rows or more, the first at 0", "rigidity-table")
+    for k, (before, here) in enumerate(itertools.pairwise(x), 1):
+        if here < before or (k >= 2 and here == before == x[k - 2]):
+            why = f"must not be less than x[{k - 1}] = {before!r}; at most two rows may be equal"
+            raise SceneError(f"x[{k}] = {here!r}: {why}", id="rigidity-table")
+    if x[0] == x[1] or x[-1] == x[-2]:
+        raise table._refused("x", "the ends of a beam cannot have jumps; give one row there", "rigidity-table")
