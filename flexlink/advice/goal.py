@@ -1,7 +1,5 @@
 """Goal of the advice: the required accuracy, the norm that measures tip errors, and thresholds for the choice."""
 
-from __future__ import annotations
-
 import re
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """A model of an arm: the axes about which each link bends, and its hinges; families of the rules for them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Run a scene with different models and steps: each combination once, within a budget of CPU time."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import math

@@ -10,8 +10,6 @@ with N hinges, the error is 5.2e-4 γ (8/N)² with gauss for γ up to 1, and 3.9
 runs with cells are less accurate: the last segment, whose inertia is artificial (`Cells.tip`), follows too slowly.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -18,8 +18,6 @@ Release of links that start in static equilibrium with locked joints (`initial.p
 The remaining deflection vibrates under the loads of the run like any other deflection (`rigid.estimate`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

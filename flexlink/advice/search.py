@@ -5,8 +5,6 @@ allowed, and finer models with larger tolerances are tried. Fixed steps are trie
 then models with fewer hinges in one link, and adaptive explicit steps if stability allows long enough ones.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 import operator

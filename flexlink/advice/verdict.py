@@ -1,7 +1,5 @@
 """The result of advice: the model with its error and cost, and one line with the reason for each choice."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from typing import Any

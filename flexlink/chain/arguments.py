@@ -1,7 +1,5 @@
 """Checks of arguments of public functions. Messages contain the name, the value and what is expected."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Mapping
 from typing import Any

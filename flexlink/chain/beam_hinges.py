@@ -3,8 +3,6 @@
 Spring constants are computed from the rigidities of sections, or from the integrals of a table.
 """
 
-from __future__ import annotations
-
 import functools
 import itertools
 from collections.abc import Callable, Sequence

@@ -15,8 +15,6 @@ hinges raise it to 4 if the rule is exact for quadratics. They are negative; whe
 slender beams of few segments, they are left out: there, shear changes less than the error of bending.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

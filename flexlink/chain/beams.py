@@ -1,7 +1,5 @@
 """Beams whose hinges are found: of one material and tapering between two sections, or tabulated along their length."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 

@@ -1,7 +1,5 @@
 """Build rigid bodies, and the hinges between them, step by step along an arm."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import NamedTuple
 

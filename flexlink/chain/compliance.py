@@ -16,8 +16,6 @@ For constant EI this is the K of `schemes.cells`. If ℓ_j would give a hinge a 
 times the compliance of its interval, as next to a jump, all hinges of the element use this compliance (order 2).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from flexlink.chain.beams import TableBeam
@@ -29,6 +27,8 @@ LEAST = 0.25
 """Smallest c_j, relative to the compliance of the hinge's interval."""
 ROUNDING = 1e-9
 """Rounding error of sums of weights, relative to the link's length."""
+MOST_NODES = 100
+"""Largest number of nodes of one polynomial; rules with more nodes on a link use intervals."""
 
 
 def spring_constants(beam: TableBeam, rule: LumpingRule, nodes: Array, weights: Array) -> Array:
@@ -40,7 +40,7 @@ def spring_constants(beam: TableBeam, rule: LumpingRule, nodes: Array, weights: 
             (_, _, weight), per = beam.flexibility(ends, 0)
             by_intervals[:, j] = per @ weight * (w / (ends[1] - ends[0]))
         found = by_intervals
-        if rule.grid is None and len(stretches) <= 100:  # a polynomial through more nodes is ill-conditioned
+        if rule.grid is None and len(stretches) <= MOST_NODES:
             (_, x, weight), per = beam.flexibility(np.array(edges), len(nodes[which]))
             basis = lagrange(nodes[which], x)  # with the factor g(x)/g(x_j) of a `jacobi` rule
             if rule.jacobi is not None:

@@ -15,8 +15,6 @@ links with the same ζ and the elbow turned by 90°, the ratios are 0.4 to 1.3 �
 in all others.
 """
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Force elements of a scene, other than springs between hinges, as rows of the dtypes `layout.FORCES`."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections import Counter
 from collections.abc import Callable, Sequence

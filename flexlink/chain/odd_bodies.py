@@ -3,8 +3,6 @@
 They come from rounded numbers, from models with moments about the joints' axes alone, and from identification.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

@@ -13,8 +13,6 @@ The rest angles of a station are the Euler angles of its rotation exp [v]×, in 
 which the link does not bend, its body is turned once and for all before them.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -10,8 +10,6 @@ polynomials     the bending or twisting moment k φ is a Legendre polynomial of 
 Each shape is divided by its largest entry, so its coordinate is the angle of the hinge that moves most [rad].
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from typing import Any

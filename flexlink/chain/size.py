@@ -14,8 +14,6 @@ A motor on an elastic gear turns against its spring, so no point moves immediate
 rotor, of inertia J_r, soon moves the part beyond, by its share of the momentum. The factor is then ρ J_r / (J_r + J).
 """
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_right
 from collections.abc import Callable

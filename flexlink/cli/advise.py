@@ -5,8 +5,6 @@ flexlink advise models/t3_spatial.toml --tip 2mm --band 20
 flexlink advise models/paper_fig5.toml --tip 1mm --for control
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 

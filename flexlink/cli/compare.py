@@ -5,8 +5,6 @@ flexlink compare models/t3_spatial.toml --trajectory --duration 0.1
 flexlink compare models/t3_spatial.toml --file theirs.xml
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 from typing import Any

@@ -4,8 +4,6 @@ flexlink compile
 flexlink compile --out build/machine_code --cpu x86-64-v3 --cpu x86-64-v4
 """
 
-from __future__ import annotations
-
 import argparse
 import concurrent.futures
 import hashlib

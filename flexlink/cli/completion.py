@@ -4,8 +4,6 @@ flexlink completion bash > ~/.local/share/bash-completion/completions/flexlink
 flexlink completion zsh > ~/.zfunc/_flexlink
 """
 
-from __future__ import annotations
-
 import argparse
 
 from flexlink.common.errors import imported

@@ -5,8 +5,6 @@ flexlink examples crane models/paper_fig5.toml
 flexlink examples all --out flexlink-examples
 """
 
-from __future__ import annotations
-
 import argparse
 import fnmatch
 import textwrap

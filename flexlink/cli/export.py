@@ -5,8 +5,6 @@ flexlink export models/t3_spatial.toml --format sdf --small-mass 1e-9
 flexlink export models/paper_fig5.toml --c arm.c --casadi arm.py
 """
 
-from __future__ import annotations
-
 import argparse
 import functools
 import math

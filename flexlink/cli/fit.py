@@ -8,8 +8,6 @@ flexlink fit problem.toml --starts 5 --profile --set material.steel.young=2e11
 flexlink fit viscous.toml stribeck.toml --folds
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

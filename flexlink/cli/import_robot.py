@@ -5,8 +5,6 @@ flexlink import robot.urdf --base torso --tip left_hand --tip right_hand --locke
 flexlink import ur5 --posture elbow_joint=90 --flexible 'forearm_link={ frequency_hz = 12 }' -o ur5.toml
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 from collections.abc import Sequence

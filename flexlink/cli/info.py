@@ -6,8 +6,6 @@ flexlink info models/paper_fig5.toml --json
 flexlink info models/paper_fig5.toml --run run.npz
 """
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import sys

@@ -4,8 +4,6 @@ flexlink invert models/ptp_move.toml --out moved.toml
 flexlink invert arm.toml --tip 1.2 0 0.8 --duration 0.6 --out moved.toml --plot moved.png
 """
 
-from __future__ import annotations
-
 import argparse
 
 import numpy as np

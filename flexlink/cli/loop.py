@@ -5,8 +5,6 @@ flexlink loop models/ptp_move.toml --kind nyquist --plot nyquist.png
 flexlink loop models/ptp_move.toml --set drive.rate=1000 --over drive.delay --values 0 0.001 0.002 --plot locus.png
 """
 
-from __future__ import annotations
-
 import argparse
 
 from flexlink.cli.shared import prefix_errors, require_picture, save_plot, varied_scene

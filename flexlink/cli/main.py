@@ -1,7 +1,5 @@
 """The command line `flexlink`: each command has a module, which is loaded on use; errors are printed as one line."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import functools

@@ -5,8 +5,6 @@ flexlink modes models/t3_spatial.toml --count 20 --json
 flexlink modes models/paper_fig5.toml --set link.waist.joint.locked=false --rate waist=60rpm --lock upper fore
 """
 
-from __future__ import annotations
-
 import argparse
 import re
 from collections.abc import Iterable

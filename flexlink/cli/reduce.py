@@ -4,8 +4,6 @@ flexlink reduce models/t3_spatial.toml --tip 2mm --set run.duration=0.5 -o small
 flexlink reduce models/t3_spatial.toml --tip 2mm --set run.duration=0.5 --for explicit
 """
 
-from __future__ import annotations
-
 from flexlink.cli import advise
 
 run_command = advise.run_command

@@ -1,7 +1,5 @@
 """Compile all machine code by calling every public function, on small arms that together cover all kinds of scenes."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import sys

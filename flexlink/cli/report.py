@@ -5,8 +5,6 @@ flexlink report models/t3_spatial.toml --out t3_report --against theirs.xml
 flexlink report models/ptp_move.toml --out move --against measured.csv
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 

@@ -3,8 +3,6 @@
 flexlink robots --out models/robots
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

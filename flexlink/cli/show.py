@@ -4,8 +4,6 @@ flexlink show models/paper_fig5.toml --magnify 50 -o fall.gif
 flexlink show models/t3_spatial.toml --colour strain --speed 0.25
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

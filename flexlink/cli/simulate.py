@@ -7,8 +7,6 @@ flexlink simulate models/paper_fig5.toml --set 'link.*.segments=9' --set materia
 flexlink simulate arm.toml --sample 1e-3 --set sensor.gauge.seed=2 --out seen.csv
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import time

@@ -7,8 +7,6 @@ flexlink sweep sweep.toml --part 17/200
 flexlink sweep sweep.toml --merge sweep-*.db
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import time

@@ -1,7 +1,5 @@
 """Terminal output of the command line other than results: compilation progress, and warnings in one line."""
 
-from __future__ import annotations
-
 import contextlib
 import sys
 import threading

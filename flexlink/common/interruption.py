@@ -5,8 +5,6 @@ Code with results to save runs inside `deferred()`, where the signals are only r
 compiler that swallows exceptions. Signals that a program handles itself, or ignores (as under `nohup`), are unchanged.
 """
 
-from __future__ import annotations
-
 import _signal  # type: ignore[import-not-found]  # faster than `signal`, whose enums cost 20 µs per run
 import contextlib
 import itertools

@@ -1,7 +1,5 @@
 """Memoize results by object identity, for the last few calls, or by owner."""
 
-from __future__ import annotations
-
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from functools import wraps

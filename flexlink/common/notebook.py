@@ -1,7 +1,5 @@
 """Display objects in a notebook as a compact table, and import modules that draw figures or build pages on demand."""
 
-from __future__ import annotations
-
 import html
 import importlib
 from collections.abc import Sequence

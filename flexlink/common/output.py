@@ -1,7 +1,5 @@
 """Write results safely: no partial file remains, and a failed write never damages an old file."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import secrets

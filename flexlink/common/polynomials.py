@@ -3,8 +3,6 @@
 Functions of `numpy.polynomial.polynomial` are exact for Fractions, but not if an integer or a float is among them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from fractions import Fraction

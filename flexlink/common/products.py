@@ -4,8 +4,6 @@
 multiply-add. All products that are stored in a chain or written to files are computed here.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from flexlink.common.types import Array

@@ -1,7 +1,5 @@
 """Progress of long computations, shown in one terminal line that is redrawn in place."""
 
-from __future__ import annotations
-
 import os
 import sys
 import time

@@ -4,8 +4,6 @@ A DOCTYPE, and so every entity, is refused where it begins, before anything is e
 the text, and the number and depth of elements, are limited, which also limits memory.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from xml.etree import ElementTree as ET

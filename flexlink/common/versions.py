@@ -1,7 +1,5 @@
 """Versions of packages, and the hardware, with which a result was computed; names of earlier versions."""
 
-from __future__ import annotations
-
 import functools
 import importlib
 import platform

@@ -1,7 +1,5 @@
 """Format parts of messages: values, lists, and suggestions."""
 
-from __future__ import annotations
-
 import difflib
 import os
 import sys

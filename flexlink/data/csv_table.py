@@ -1,7 +1,5 @@
 """Strict reading and unit conversion of CSV files whose headers are quantities with units, such as "q upper [deg]"."""
 
-from __future__ import annotations
-
 import csv
 import difflib
 import io

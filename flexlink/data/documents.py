@@ -1,7 +1,5 @@
 """Read files named by the user, parse TOML documents, and handle paths and file names inside a document."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os

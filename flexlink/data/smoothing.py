@@ -13,8 +13,6 @@ The cutoff "auto" minimizes the generalized cross-validation, which estimates th
 p is the number of free parameters of f, the integral of the gain over all frequencies. (Woltring 1986)
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

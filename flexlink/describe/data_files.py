@@ -1,7 +1,5 @@
 """Built-in data files that users can extend: Runge-Kutta methods, lumping rules and shapers, by name or path."""
 
-from __future__ import annotations
-
 import functools
 import re
 from pathlib import Path

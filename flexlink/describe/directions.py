@@ -1,7 +1,5 @@
 """Directions in a link's frame: the joint axis, the beam axis and the axes of its section."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """What a key of a scene accepts, in words, and alternatives to unknown keys and unsupported features."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from functools import cache

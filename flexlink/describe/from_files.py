@@ -1,7 +1,5 @@
 """Read tables of motions, drives, references and wrenches from CSV files, once, when a scene is built."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path

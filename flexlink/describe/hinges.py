@@ -1,7 +1,5 @@
 """Positions of the hinges of an arm's links, by their lumping rules."""
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

@@ -4,8 +4,6 @@ Such a list has a twin in the other unit (`joint_deg`, `joint_m`). A joint's num
 other list has 0 in its place. Both lists are merged into one in the joints' own units, deg or m, then converted to SI.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 

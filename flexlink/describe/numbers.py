@@ -1,7 +1,5 @@
 """Checks of numbers that annotations cannot express: tables over time, times that are whole numbers of steps."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping, Sequence
 

@@ -3,8 +3,6 @@
 Messages name the path, the value and what is allowed. `wrong_lists` yields all mistakes; other checks raise the first.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 
 from flexlink.common.errors import ArgumentError, Diagnostic, SceneError

@@ -4,8 +4,6 @@ The resulting scene equals the one from `Scene.varied`, which is used if anythin
 replacing numbers fails, because `Scene.varied` explains invalid values in its messages.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Mapping, Sequence

@@ -7,8 +7,6 @@ Put a name with a dot in quotes (`link."a.b".length`). `*` selects all items, bu
 effect. Messages name a value by the path that sets it.
 """
 
-from __future__ import annotations
-
 import functools
 import re
 from collections.abc import Iterator, Mapping, Sequence

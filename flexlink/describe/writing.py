@@ -1,7 +1,5 @@
 """Write a description as readable TOML without defaults, one line per key, with inline tables inside links."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """Differences between two records of an arm in joints, axes, numbers and settings, each with the likely mistake."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from collections.abc import Iterator, Mapping

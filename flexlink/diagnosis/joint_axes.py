@@ -1,7 +1,5 @@
 """Find displaced joint axes: single axes, or frames that are rotated or displaced together with their subtree."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from collections.abc import Sequence

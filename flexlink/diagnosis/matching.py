@@ -1,7 +1,5 @@
 """Match the joints of two records by name, else by the bodies they move, else, in a serial chain, by their order."""
 
-from __future__ import annotations
-
 import itertools
 from collections import Counter
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Table of mistakes in `data/mistakes.toml`: which field differs and how, the likely mistake, and the remedy."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path

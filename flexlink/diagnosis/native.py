@@ -1,7 +1,5 @@
 """flexlink's own dynamics with the interface of an engine."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from typing import Any

@@ -9,8 +9,6 @@ With rounding errors ρ of torques and σ of g̈, mostly of flexlink's J̇ q̇ (
     M δq̈ = (1 − P) ρ + K σ        Jᵀ δλ = P ρ − K σ        K = Jᵀ (J M⁻¹ Jᵀ)⁺,  P = K J M⁻¹
 """
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import math

@@ -1,7 +1,5 @@
 """Batches of states: one rule on array shapes for all functions of a state, and a loop over the states."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import TypeGuard, TypeVar, cast
 

@@ -1,7 +1,5 @@
 """Compiled functions bound to a chain: its constants and their scratch are prepared once, at the first call."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 

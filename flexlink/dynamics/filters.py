@@ -12,8 +12,6 @@ For a signal that changes from u by Δu in a time τ, z(τ) = Φ z + Γ u + Ψ �
     | 0  0  1 |         | 0   0   0 |
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Sequence

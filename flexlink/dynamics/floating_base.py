@@ -5,8 +5,6 @@ changes the coordinates, not the motion, and keeps the angle about Y far from 90
 quaternion, is the previous one multiplied by the rotation since then.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

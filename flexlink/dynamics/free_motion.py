@@ -4,8 +4,6 @@ Matrices and vectors of the joints become those of the coordinates by A → Bᵀ
 rows and columns.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """InitialValueProblem: the equation of motion of a scene with its initial state, to be integrated."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 from typing import Any

@@ -11,8 +11,6 @@ The arc length is measured in (s, q) (Riks 1979; Crisfield 1981), so the path ma
 O(n): ∂F/∂q is eliminated along the chain (`kernels.derivatives.small_motion`).
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """notes(scene): valid but probably unintended input; defaults(scene): defaults that determine the result."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

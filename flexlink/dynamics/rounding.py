@@ -37,8 +37,6 @@ n = 1 … 239 and tip masses up to ten tons. They reach 0.32 times the bound of 
 times the bound of M Δq̈, without a trend in n; T_FL and T_FR agree bit for bit.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

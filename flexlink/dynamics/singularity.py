@@ -1,7 +1,5 @@
 """Diagnosis of a singular mass matrix M, for which accelerations do not exist: finds the joint without inertia."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy
 from numpy.typing import NDArray

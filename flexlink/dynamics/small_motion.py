@@ -1,7 +1,5 @@
 """Small motion x exp(λt) of a chain about a state, (λ² M + λ C + K) x = r: products and solutions in O(n)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

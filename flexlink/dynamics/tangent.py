@@ -1,7 +1,5 @@
 """Derivatives of the torques about a state, for modal analysis and for Newton's method in statics."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

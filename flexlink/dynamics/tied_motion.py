@@ -1,7 +1,5 @@
 """What ties do in a run: accelerations, forces, internal loads, and their places in pictures."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from flexlink.chain.chain import Chain

@@ -7,8 +7,6 @@ k and d are the slopes of the law of a spring that is valid at the posture: 0 in
 body and its joints i and j, i not outboard of j, ∂²p/∂q_i ∂q_j = ∂ω/∂q̇_i × ∂p/∂q_j.
 """
 
-from __future__ import annotations
-
 import warnings
 from typing import NamedTuple
 

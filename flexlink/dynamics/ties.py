@@ -1,7 +1,5 @@
 """Ties of a scene as rows of the chain, and initial states in which they are closed."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterator, Sequence
 

@@ -1,7 +1,5 @@
 """Adapters that give other multibody codes a common interface; each loads the exported file and so tests the export."""
 
-from __future__ import annotations
-
 import importlib
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Describe a scene's drive as an actuator record, and find the actuator fields that a file does not specify."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Any
 

@@ -6,8 +6,6 @@ Units, signs and joint order are as in `flexlink.dynamics`; arrays are float64 o
 (f_x, f_y, f_z, m_x, m_y, m_z) [N, N m] acts on the arm at the origin of the tip frame and is given in axes of frame 0.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import NamedTuple, Protocol

@@ -7,8 +7,6 @@ ends for any reason, because its standard input is then closed. A child that is 
 engine of the same name, because starting and importing takes a second or two.
 """
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import os

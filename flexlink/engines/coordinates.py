@@ -6,8 +6,6 @@ velocity and a spin. The engine's rates are v = T(q) q̇, where T reorders the j
     M = Tᵀ M_e T        T_GC = Tᵀ (T_GC,e + M_e Ṫ q̇)        τ = Tᵀ τ_e        q̈ = T⁻¹ (v̇ − Ṫ q̇)
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

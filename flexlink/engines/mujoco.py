@@ -9,8 +9,6 @@ MuJoCo numbers joints depth first, and a floating base is its `freejoint`; `coor
 floating base runs in flexlink's coordinates: the scene's Runge-Kutta method integrates MuJoCo's accelerations.
 """
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import threading

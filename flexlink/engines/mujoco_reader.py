@@ -1,7 +1,5 @@
 """Read the record (`ReadBack`) of a compiled MuJoCo model, with the settings that act or have changed numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any
 

@@ -8,8 +8,6 @@ It adds s c cᵀ to K and d c cᵀ to D. The rest angles of all springs together
 If every tendon has its slack length at the joints' rest angles, θ₀ are these rest angles.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What adapters share: torques that a program lacks, and runs of the scene's method with its accelerations."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from pathlib import Path
 

@@ -18,8 +18,6 @@ Exact rows, J q̈ + γ = 0, leave the motions Z, J Z = 0; springs pull by λ. Wi
 q̈ = q̈⁰ + b − Z (Zᵀ M Z)⁻¹ Zᵀ (M b + Jᵀ λ).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, Self
 from xml.etree import ElementTree as ET

@@ -1,7 +1,5 @@
 """Functions that all writers use: single joints, unique names, numbers that read back exactly; capsules to look at."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

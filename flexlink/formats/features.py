@@ -3,8 +3,6 @@
 All formats represent everything else, such as bodies, placements, axes, viscous damping and names.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from pathlib import Path
 

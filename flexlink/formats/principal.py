@@ -4,8 +4,6 @@ The order is cyclic by rows (Golub & Van Loan, Matrix Computations, 8.5.4). All 
 the same on every CPU. With LAPACK the last digits, and the axes of nearly equal moments, depend on the BLAS.
 """
 
-from __future__ import annotations
-
 import math
 from xml.etree import ElementTree as ET
 

@@ -3,8 +3,6 @@
 Between consecutive hinges at one point there are massless links. Each gets a mass m and an inertia m r², r = 0.1 m.
 """
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

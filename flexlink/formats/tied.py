@@ -12,8 +12,6 @@ MuJoCo's equalities are soft. With a the value of J q̈ without a row g, ġ = J 
 which is the stiffest that MuJoCo allows for a time step h. As J̇ q̇ is missing, g is of the order h² after a few steps.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from xml.etree import ElementTree as ET
 

@@ -4,8 +4,6 @@ Each candidate is a part of a problem file (a run, modes, a static deflection or
 of the scene at given values of the parameters.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence

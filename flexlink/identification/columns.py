@@ -1,7 +1,5 @@
 """Residuals of every measured column: before the fit, after the fit, and with a free linear model of the same order."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Sequence
 

@@ -1,7 +1,5 @@
 """Parameters as search coordinates x: logarithms of positive parameters, others divided by a typical change."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import sys

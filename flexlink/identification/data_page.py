@@ -1,7 +1,5 @@
 """Chapters of a check's page that show the data: columns beside their prediction, residuals, spectra."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple

@@ -8,8 +8,6 @@ one by one, the most significant first (forward selection), each by a t-test wit
 those of the residuals that remain with all faults, so that a fault does not pass for noise.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple

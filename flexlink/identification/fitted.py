@@ -1,7 +1,5 @@
 """Result of a fit: estimates with intervals, errors and verdicts, residuals, the fitted scene, JSON."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

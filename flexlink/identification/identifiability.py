@@ -6,8 +6,6 @@ A direction v with singular value s is not identifiable if its expected standard
 e), or if s is within the error of J. Such a direction is a parameter, or a combination, without a measurable effect.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

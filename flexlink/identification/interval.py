@@ -7,8 +7,6 @@ For the columns of a run, Γ follows from an AR model of the residuals; columns 
 measurements is as stated. Student's t distribution accounts for the finite number of independent samples.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable, Sequence

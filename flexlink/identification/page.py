@@ -1,7 +1,5 @@
 """Pages of fits and of checks: estimates and intervals, measurements and predictions, residuals, identifiability."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import math

@@ -1,7 +1,5 @@
 """Ranked experiments: text, TOML for the problem file, JSON, and a chapter of a page."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Iterator

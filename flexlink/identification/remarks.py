@@ -1,7 +1,5 @@
 """Notes on the data before a fit, warnings about the estimates after it, and why a parameter has no effect."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

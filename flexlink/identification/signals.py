@@ -1,7 +1,5 @@
 """Predictions of the model for all data, and their Jacobian, at several points of the search at once."""
 
-from __future__ import annotations
-
 import operator
 from collections.abc import Sequence
 

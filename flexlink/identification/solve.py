@@ -1,7 +1,5 @@
 """Search for the parameters: fit single measurements first, then runs in growing windows, from several guesses."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Sequence
 from typing import NamedTuple

@@ -17,8 +17,6 @@ of its recorded angles, and one Gauss-Newton step from the solution gives the ch
     cutoff   u_c² = min(d², d'²)    half and twice the cutoff: one of both changes little if the cutoff is well chosen
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Evaluation budget of an adaptive run, the check that its steps still make progress, and the size of its chunks."""
 
-from __future__ import annotations
-
 import time
 import warnings
 from typing import NamedTuple

@@ -7,8 +7,6 @@ stage of an explicit method, or a stage in one Newton iteration of an implicit o
 machine; `machine_factor` scales them to the present one.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 import operator

@@ -1,7 +1,5 @@
 """Choice by method = "auto": the method expected to meet the tolerance at the lowest cost, and the reason for it."""
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Steps of a run by one or several methods: data kept between steps, changes of coordinates, switches of method."""
 
-from __future__ import annotations
-
 import functools
 import math
 import operator

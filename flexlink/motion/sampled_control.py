@@ -1,7 +1,5 @@
 """Control laws in Python: torques as functions of time and state, sampled and held as by a digital controller."""
 
-from __future__ import annotations
-
 import inspect
 import math
 from collections.abc import Callable, Iterator

@@ -10,8 +10,6 @@ error estimate is the difference from a derivative of the next lower order, comp
 Runge-Kutta methods.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 import operator

@@ -1,7 +1,5 @@
 """Settings of a method's steps: limits of their errors and lengths, and the largest stable step."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from flexlink.common.errors import SceneError

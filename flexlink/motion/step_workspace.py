@@ -1,7 +1,5 @@
 """Workspace for the steps of a method on a chain, and the data that are kept from one step to the next."""
 
-from __future__ import annotations
-
 import functools
 import math
 

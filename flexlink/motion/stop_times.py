@@ -1,7 +1,5 @@
 """Times at which adaptive steps stop (tstops): knots of inputs and, for explicit methods where cheaper, samples."""
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_left, bisect_right
 

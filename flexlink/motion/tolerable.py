@@ -1,7 +1,5 @@
 """Errors that a run may have for a given tolerance, the steps whose errors are measured, and the stated error."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Mapping

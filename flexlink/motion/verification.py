@@ -13,8 +13,6 @@ that shows too large an error, or the motion amplifies errors, with runs by a me
 replaces it if it misses its tolerance.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Generator, Iterator
 from typing import NamedTuple

@@ -3,8 +3,6 @@
 The palette is by Okabe and Ito (2008); its colours are distinguishable with the common kinds of colour blindness.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 INK, PAPER = "#1c2024", "#fefefe"  # text and background colours in files; a page replaces them by its colours

@@ -1,7 +1,5 @@
 """Numbers in a readable form."""
 
-from __future__ import annotations
-
 import math
 
 JOIN = "\N{NO-BREAK SPACE}"

@@ -1,7 +1,5 @@
 """HTML page of a report: a template with the common elements and style."""
 
-from __future__ import annotations
-
 import functools
 import re
 from collections.abc import Mapping, Sequence

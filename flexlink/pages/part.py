@@ -1,7 +1,5 @@
 """Content of a chapter of a report: sentences, tables, pictures, and verdicts for the first screen."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 

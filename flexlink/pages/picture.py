@@ -1,7 +1,5 @@
 """A figure with its caption, its data, and its files."""
 
-from __future__ import annotations
-
 import dataclasses
 import html
 import io

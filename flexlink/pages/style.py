@@ -1,7 +1,5 @@
 """Common look of all figures: colour-blind safe, readable on a phone, and on light and dark pages."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

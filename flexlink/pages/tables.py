@@ -1,7 +1,5 @@
 """Tables: rounded on the page, and with all digits in a CSV file next to it."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import io

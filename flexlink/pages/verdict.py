@@ -1,7 +1,5 @@
 """A report: verdicts on its first screen, one for each question that it answers, its chapters, and their figures."""
 
-from __future__ import annotations
-
 import dataclasses
 import html
 from collections.abc import Sequence

@@ -6,8 +6,6 @@ T_EX are the torques of drives and of held joints; f and m are force and moment 
 method of the run, so the imbalance E − E(0) − W is the energy error that the discretisation or an unstable step causes.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 

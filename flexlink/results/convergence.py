@@ -7,8 +7,6 @@ With a known order and three levels, the error of x* is estimated by the change 
 Otherwise it is estimated by the distance |x* − x_b| of x* from the finest level.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

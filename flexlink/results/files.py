@@ -1,7 +1,5 @@
 """A run as a file and back, or as a table of xarray, which is imported only if it is used; formats."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import tomllib

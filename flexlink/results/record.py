@@ -1,7 +1,5 @@
 """Preallocated samples of a running simulation."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable, Iterator
 from typing import Any

@@ -4,8 +4,6 @@ If rotations move no point, as in a wheel, checks use the path of all bodies, (s
 body's position, and its axes multiplied by L/√2 with the chain's size L, so rotation by a small angle φ counts as L φ.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from flexlink.chain.chain import Chain

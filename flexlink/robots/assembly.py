@@ -1,7 +1,5 @@
 """Build the links of a scene from the moving parts of a robot."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 

@@ -1,7 +1,5 @@
 """Arms and robots of example-robot-data, an optional package of URDF files: a table, and the installed folder."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import importlib.metadata

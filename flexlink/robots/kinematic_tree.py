@@ -1,7 +1,5 @@
 """A robot as URDF describes it: rigid links in a tree, and its joints' positions; anything else is a named error."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import math

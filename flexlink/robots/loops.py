@@ -1,7 +1,5 @@
 """What closes the loops of an imported robot: ties between the parts of the arm, and a note on each."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """MJCF → `Robot`, as MuJoCo compiles it: with defaults, classes, included files, and masses of shapes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args

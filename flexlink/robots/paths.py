@@ -1,7 +1,5 @@
 """Paths through a robot from a link to its tips; everything else is rigidly attached to these paths or to the base."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 from collections import Counter

@@ -4,8 +4,6 @@ The reader is stricter than other readers. A number must be a decimal number (no
 take as 0 or 1), required values must be present, and nothing may be given twice. Mesh files are not opened.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import math

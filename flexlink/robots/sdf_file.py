@@ -1,7 +1,5 @@
 """SDF → elements of URDF: links have the frames of their first joints, as in URDF; their other joints close loops."""
 
-from __future__ import annotations
-
 from xml.etree import ElementTree as ET
 
 import numpy as np

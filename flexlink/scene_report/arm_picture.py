@@ -1,7 +1,5 @@
 """Draw an arm true to scale, for Scene.plot, Chain.plot, and figures of the report."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Build the page of a report on one scene, with its files; if a chapter fails, a sentence replaces it."""
 
-from __future__ import annotations
-
 import dataclasses
 import importlib
 import time

@@ -5,8 +5,6 @@
 Each fit is fast and has one parameter; scales replace the unknown noise. Standard deviations allow for autocorrelation.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import math

@@ -4,8 +4,6 @@ Errors are relative to the limit that `results.convergence` extrapolates, with t
 with 1, 2 and 4 times the hinges. CPU times are for this machine.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from functools import cached_property

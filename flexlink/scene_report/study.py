@@ -1,7 +1,5 @@
 """Data shared by the chapters of a report, such as the chain and the run; each is computed once, on first use."""
 
-from __future__ import annotations
-
 import dataclasses
 from functools import cached_property
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Outputs of a sweep: one number per run, computed from a sampled column or from the complete run."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Literal
 

@@ -4,8 +4,6 @@ A grid takes every combination of its axes; keys whose values are paired form on
 unit cube, with one coordinate per key, and its spreads map them to values.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import math

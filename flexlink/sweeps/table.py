@@ -1,7 +1,5 @@
 """Rows of a sweep as Python objects, as a pandas DataFrame, and as files."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,5 @@
 """Task of a worker: build the scenes of members from their numbers, run them side by side, return their rows."""
 
-from __future__ import annotations
-
 import functools
 import time
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Executors of a sweep: the calling thread, worker processes, a Dask cluster, or the caller's executor."""
 
-from __future__ import annotations
-
 import contextlib
 import multiprocessing
 import os

@@ -32,8 +32,8 @@ LOOPS = (
 CURVED = "links that are curved, twisted or warm on one side at rest"
 RAISED = {
     "lines of contracts": (7, "fits, sweeps, reports, advice and robots call the library, not its kernels"),
-    "classes": (12, f"{COMPILES}; {LOOPS}; {CURVED}"), "constants": (23, f"{COMPILES}; {LOOPS}"),
-    "lines": (620, f"{COMPILES}; {LOOPS}"), "files": (9, f"{LOOPS}; {CURVED}"),
+    "classes": (13, f"{COMPILES}; {LOOPS}; {CURVED}"), "constants": (12, f"{COMPILES}; {LOOPS}"),
+    "lines": (620, f"{COMPILES}; {LOOPS}"), "files": (8, LOOPS),
     "files that simulate imports": (5, LOOPS),
 }  # fmt: skip
 """By how much a limit may be exceeded, and the reason."""

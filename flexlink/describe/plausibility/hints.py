@@ -1,7 +1,5 @@
 """hints(scene): reports numbers that were likely given in another unit, one line each."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 

@@ -1,7 +1,5 @@
 """Plausible ranges of quantities, from `data/plausibility/ranges.toml`; hints on materials, sections and lengths."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 

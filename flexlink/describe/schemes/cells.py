@@ -12,8 +12,6 @@ Two segments at a cell boundary have the same angle and form one segment. Static
 limited by the kink of the mass kernel (see `lumping_rules`).
 """
 
-from __future__ import annotations
-
 import functools
 from typing import Annotated, NamedTuple
 

@@ -13,8 +13,6 @@ The method integrates the polynomial that interpolates the derivatives at the no
     a_ij = ∫_0^c_i ℓ_j(x) dx        b_j = ∫_0^1 ℓ_j(x) dx
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable, Sequence
 from fractions import Fraction

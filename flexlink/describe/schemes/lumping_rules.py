@@ -7,8 +7,6 @@ where M(x, y) is the inertial moment at x due to a kink at y. M'' has a kink at 
 otherwise only rules with `cells` exceed order 2.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 import msgspec

@@ -1,7 +1,5 @@
 """Runge-Kutta methods as data: a family with stages or exact coefficient strings, plus order and source."""
 
-from __future__ import annotations
-
 import functools
 import math
 import re

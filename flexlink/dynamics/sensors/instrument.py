@@ -16,8 +16,6 @@ Its values at whole seconds are sums of increments. Between them, the middle of 
 down to intervals shorter than any sampling period of sensors, in which W is linear.
 """
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import math

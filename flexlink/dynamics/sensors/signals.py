@@ -1,7 +1,5 @@
 """Ideal signals of a scene's sensors along a run, without effects of the instruments, and derivatives at a state."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -9,8 +9,6 @@ Boundary values at both ends make the solution bounded: unstable zeros are integ
 equations linearized about the motion, with differences of order 2 (defect correction).
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

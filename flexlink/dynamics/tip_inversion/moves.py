@@ -1,7 +1,5 @@
 """The move that a tip is to make: along the reference of the scene's drive, or straight to a point."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from typing import NamedTuple

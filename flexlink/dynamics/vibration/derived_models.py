@@ -9,8 +9,6 @@ Powell and Workman, Digital Control of Dynamic Systems, 1998, section 4.3). Inpu
 last values of delayed outputs. All of it is exact: Φ and Γ follow from matrix exponentials.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Callable, Sequence

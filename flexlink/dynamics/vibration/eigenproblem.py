@@ -9,8 +9,6 @@
     fastest first. The rows of its matrix decrease in size, so the QR algorithm is accurate row by row.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

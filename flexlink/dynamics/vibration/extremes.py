@@ -1,7 +1,5 @@
 """Lowest and highest natural frequency due to a chain's springs, in O(n) per iteration, to choose method and step."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -10,8 +10,6 @@ which for d = i is a polynomial in x². If E_i has no zero and the poles of R li
 on the entire left half-plane, by the maximum principle. A Sturm sequence in rational numbers counts the zeros of E_i.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Iterable, Sequence
 from fractions import Fraction

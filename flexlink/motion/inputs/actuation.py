@@ -1,7 +1,5 @@
 """All inputs of a scene as one record of arrays for the kernels: drive, prescribed motions, tip wrench."""
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

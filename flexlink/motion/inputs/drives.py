@@ -1,7 +1,5 @@
 """A scene's drive as the record of arrays that the kernels read, and its gains −∂T_EX/∂q, −∂T_EX/∂q̇."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Torques and motion computed when a run is prepared: references that the tip follows, and static feed-forward."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

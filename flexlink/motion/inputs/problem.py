@@ -1,7 +1,5 @@
 """The initial value problem of a scene, built in one place for all modules that integrate it."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

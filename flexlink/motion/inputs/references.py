@@ -1,7 +1,5 @@
 """Reference motions of the driven joints, and other tables in time, as the arrays that the kernels read."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from flexlink.chain.chain import Chain

@@ -1,7 +1,5 @@
 """Check of a run's fixed step against the largest stable one, before the run starts."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Times at which adaptive steps must stop, so that no peak or jump of a tabulated input falls between two stages."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from flexlink.common.types import Array

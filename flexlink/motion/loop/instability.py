@@ -1,7 +1,5 @@
 """The message about an unstable sampled loop: what grows, how fast, and one change that makes it stable."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -5,8 +5,6 @@
 z is the memory of the law, such as its integrators; K has the sign of the law, so K < 0 for PD control.
 """
 
-from __future__ import annotations
-
 import functools
 from typing import NamedTuple
 

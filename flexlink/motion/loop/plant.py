@@ -3,8 +3,6 @@
 The arm is held at rest in its state, by torques that balance gravity, springs and the tip wrench.
 """
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -8,8 +8,6 @@ and the disk margin α = 2 / max |2 S − 1|: gain and phase may change together
 points are (2 − α)/(2 + α) and (2 + α)/(2 − α) (Seiler, Packard and Gahinet, IEEE Control Systems 40(5), 2020).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

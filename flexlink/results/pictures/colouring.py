@@ -7,8 +7,6 @@ and half width b,
     ε = |M_z| a / EI_z + |M_y| b / EI_y          for a round section  ε = r √(M_y² + M_z²) / EI
 """
 
-from __future__ import annotations
-
 from typing import Literal, NamedTuple
 
 import numpy as np

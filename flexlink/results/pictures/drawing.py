@@ -1,7 +1,5 @@
 """Drawing of a film's frames with matplotlib, without the texts around the picture."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable

@@ -1,7 +1,5 @@
 """Frames of a film of a run: positions of all parts of the arm at equidistant times."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Outline of an arm for drawing, with links as wide as their sections, in the frames of its bodies."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 from typing import NamedTuple

@@ -4,8 +4,6 @@ Films show a spatial arm from an oblique direction in parallel projection. Figur
 with both axes true to scale.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Accuracy of the chosen model relative to finer models, and accuracy and cost of alternative models."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Compare other engines, which load the exported arm, term by term at many states and step by step in the run."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 from flexlink.common.errors import FlexlinkError, MissingDependencyError, how_to_install

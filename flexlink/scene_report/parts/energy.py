@@ -1,7 +1,5 @@
 """Energy and power balance of the run, which shows the effect of the discretisation on the energy."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from flexlink.dynamics import rounding

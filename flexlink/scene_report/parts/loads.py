@@ -1,7 +1,5 @@
 """Loads along the run: bending moments, torques and forces between segments, and drive torques."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Compare the run with measurements, and find the parameter of the scene that would explain the difference."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The model: the arm with its hinges, links, joints and springs, and remarks on inputs that have no effect."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

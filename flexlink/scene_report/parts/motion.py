@@ -1,7 +1,5 @@
 """The run: configurations at equal time intervals, joints, tip, and deflection of the links."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from flexlink.common.errors import FlexlinkError

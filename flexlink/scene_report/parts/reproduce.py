@@ -1,7 +1,5 @@
 """Everything needed to reproduce the page: versions, machine, command and scene."""
 
-from __future__ import annotations
-
 import datetime
 import os
 import platform

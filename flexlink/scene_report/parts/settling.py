@@ -1,7 +1,5 @@
 """Settling of the arm at the target of its drive."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

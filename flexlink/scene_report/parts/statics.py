@@ -1,7 +1,5 @@
 """The arm in static equilibrium, driven joints locked or ties closed: sag, holding torques, buckling load."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from flexlink.common.errors import FlexlinkError

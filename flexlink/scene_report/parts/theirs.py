@@ -1,7 +1,5 @@
 """The same arm in a third-party file: agreement, differences, and the likely mistakes."""
 
-from __future__ import annotations
-
 from flexlink.diagnosis.comparison import compare
 from flexlink.pages.part import Part
 from flexlink.pages.tables import Table

@@ -1,7 +1,5 @@
 """Natural frequencies and mode shapes about the static equilibrium, driven joints locked or ties closed."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from flexlink.dynamics.vibration.modal import Modes, modes
