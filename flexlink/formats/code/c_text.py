@@ -79,9 +79,10 @@ def rate_function(model: Model) -> str:
 
 def step_function(model: Model) -> str:
     """The function for a step, with those that it calls."""
-    found, m, name = implicit_of(model), model.chain.freedoms, name_of(model.chain)
-    M, N = np.eye(m).astype(object), np.zeros((m, len(model.x) + len(model.u)), object)
-    M[np.ix_(found.free, found.free)], N[found.free] = found.M, found.N
+    m, name = model.chain.freedoms, name_of(model.chain)
+    free, M_free, N_free, known = implicit_of(model)
+    M, N = np.eye(m).astype(object), known[m:]  # z̈ of other coordinates is an input
+    M[np.ix_(free - m, free - m)], N[free - m] = M_free, N_free
     implicit = in_blocks(model, f"{name}_implicit", {"M": [*M.flat], "N": [*N.flat]}, "static ")
     return f"#define {name.upper()}_FREEDOMS {m}\n\n{implicit}\n\n{template('step.c', name)}"
 

@@ -23,9 +23,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlink.chain.arguments import positive, require_type, vector
+from flexlink.chain.arguments import integer, positive, require_type, vector
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import ArgumentError, MissingDependencyError
+from flexlink.common.errors import MissingDependencyError
 from flexlink.common.types import Array
 from flexlink.common.versions import __version__
 from flexlink.dynamics.free_motion import input_names, state_names
@@ -81,8 +81,7 @@ def to_fmu(
     >>> print(archive[:2])
     b'PK'
     """
-    if fmi not in {2, 3}:
-        raise ArgumentError(f"fmi = {fmi!r}: unknown version of FMI; expected 2 or 3", id="unknown-fmi")
+    fmi = integer("fmi", fmi, least=2, most=3)
     model, name = model_of(require_type("chain", chain, Chain), extra=True), name_of(chain)
     known = np.concatenate([np.zeros(len(chain.active) + 6), chain.gravity, [0.0, 1.0, 1.0]])
     x, step = _coordinates(chain, initial), positive("sample", sample) / 10

@@ -124,17 +124,8 @@ def _inverse_workspace(chain: Chain, arrays: ChainArrays) -> Any:
     return on_tape(planar_workspace)(*arrays) if chain.is_planar else on_tape(rne_workspace)(arrays)
 
 
-class Implicit(NamedTuple):
-    """Equations of the free coordinates in implicit form: M ∂z̈/∂(x, u) = N."""
-
-    free: Indices
-    M: Objects  # (f, f)
-    N: Objects  # (f, 2m + inputs)
-    known: Objects  # ∂ẋ/∂(x, u) of all rows at given z̈ of the free coordinates, (2m, 2m + inputs)
-
-
-def implicit_of(model: Model) -> Implicit:
-    """Derivatives of the equations of motion before they are solved for z̈."""
+def implicit_of(model: Model) -> tuple[Indices, Objects, Objects, Objects]:
+    """Rows of ż of the free coordinates, M and N of M ∂z̈/∂(x, u) = N for them, and ∂ẋ/∂(x, u) at their given z̈."""
     chain, tape, m, by = model.chain, model.tape, model.chain.freedoms, [*model.x, *model.u]
     free = np.flatnonzero(~chain.held[first_joints(chain, np.arange(chain.n))])
     rate = np.array(model.rate, object)
@@ -142,15 +133,14 @@ def implicit_of(model: Model) -> Implicit:
     net = _net_torques(model, *_state(chain, model.x, model.u)[:3], all_motions(chain) @ rate[m:])[free].tolist()
     M = -np.array([tape.slopes(net, each) for each in rate[m + free]], object)
     N, known = (np.array([tape.slopes(rows, each) for each in by], object).T for rows in (net, rate.tolist()))
-    return Implicit(free, M, N.reshape(len(free), len(by)), known)
+    return m + free, M, N.reshape(len(free), len(by)), known
 
 
 def slopes_of(model: Model) -> tuple[list[list[Real]], list[list[Real]]]:
     """Columns of ∂ẋ/∂x and ∂ẋ/∂u."""
     free, M, N, slopes = implicit_of(model)
-    m = model.chain.freedoms
-    slopes[m + free] = solve_symmetric(M, N)
-    return slopes.T[: 2 * m].tolist(), slopes.T[2 * m :].tolist()
+    slopes[free] = solve_symmetric(M, N)
+    return slopes.T[: len(model.x)].tolist(), slopes.T[len(model.x) :].tolist()
 
 
 def _net_torques(model: Model, q: Objects, qd: Objects, tau: Objects, qdd: Objects) -> Objects:
