@@ -1,4 +1,4 @@
-"""`flexlink export`: Write scenes as MJCF, URDF or SDF, which other engines load exactly, as C or CasADi code, or as FMUs.
+"""`flexlink export`: Write scenes as MJCF, URDF or SDF, which other engines load exactly, as C or CasADi code, as FMUs.
 
 flexlink export models/paper_fig5.toml --format urdf --out .
 flexlink export models/t3_spatial.toml --format sdf --small-mass 1e-9

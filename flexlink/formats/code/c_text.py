@@ -44,7 +44,7 @@ def to_c(chain: Chain, *, slopes: bool = False, step: bool = False) -> str:
     slopes
         Whether the file contains `arm_slopes`, which then has most of its lines, and takes compilers up to minutes.
     step
-        Whether the file contains `arm_step`, which has about half as many.
+        Whether the file contains `arm_step`, which has about half as many lines as `arm_slopes`.
 
     Returns
     -------
@@ -63,18 +63,14 @@ def to_c(chain: Chain, *, slopes: bool = False, step: bool = False) -> str:
     True
     """
     model, name = model_of(chain), name_of(chain)
-    parts = [head(model), rate_function(model), _function(model, f"{name}_tip", "x", {"tip": model.tip})]
+    rate = function(model, f"{name}_rate", "xu", {"dx": model.rate})
+    parts = [head(model), rate, function(model, f"{name}_tip", "x", {"tip": model.tip})]
     if slopes:
         by_x, by_u = ([*itertools.chain.from_iterable(zip(*by, strict=True))] for by in slopes_of(model))  # row by row
         parts.append(in_blocks(model, f"{name}_slopes", {"A": by_x, "B": by_u}))
     if step:
         parts.append(step_function(model))
     return "\n\n".join([*parts, _test(model, name)]) + "\n"
-
-
-def rate_function(model: Model) -> str:
-    """The function for ẋ."""
-    return _function(model, f"{name_of(model.chain)}_rate", "xu", {"dx": model.rate})
 
 
 def step_function(model: Model) -> str:
@@ -121,7 +117,7 @@ def head(model: Model, extra: Iterable[str] = ()) -> str:
     )
 
 
-def _function(model: Model, name: str, given: str, results: Mapping[str, Sequence[Real]]) -> str:
+def function(model: Model, name: str, given: str, results: Mapping[str, Sequence[Real]]) -> str:
     """A function of x or of x and u that writes arrays."""
     check_length(model.tape, model.chain)
     names = inputs_of(model)

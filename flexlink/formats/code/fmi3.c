@@ -1,26 +1,21 @@
-/* FMI 3.0, Model Exchange and Co-Simulation. */
-typedef void (*Logger)(void *, int, String, String);
-
 static int told(Instance *of, int status, String message)
 {
-    if (status != OK && of->log) ((Logger)of->log)(of->environment, status, "logStatusError", message);
+    void (*log)(void *, int, String, String) = (void (*)(void *, int, String, String))of->log;
+    if (status != OK && log) log(of->environment, status, "logStatusError", message);
     return status;
 }
 
 API String fmi3GetVersion(void) { return "3.0"; }
-API Instance *fmi3InstantiateModelExchange(String name, String token, String resources, bool visible, bool logging,
-                                           void *environment, void *log)
-{ (void)resources; (void)visible; (void)logging; return begin(name, token, environment, log); }
-API Instance *fmi3InstantiateCoSimulation(String name, String token, String resources, bool visible, bool logging,
-                                          bool events, bool early, const Reference *needed, size_t n, void *environment,
-                                          void *log, void *update)
-{
-    (void)resources; (void)visible; (void)logging; (void)events; (void)early; (void)needed; (void)n; (void)update;
-    return begin(name, token, environment, log);
-}
+API void *fmi3InstantiateModelExchange(String name, String token, String resources, bool visible, bool logging,
+                                       void *environment, void *log)
+{ return begin(name, token, environment, log); }
+API void *fmi3InstantiateCoSimulation(String name, String token, String resources, bool visible, bool logging,
+                                     bool events, bool early, const Reference *needed, size_t n, void *environment,
+                                     void *log, void *update)
+{ return begin(name, token, environment, log); }
 API void *fmi3InstantiateScheduledExecution(void) { return NULL; }
 API int fmi3EnterInitializationMode(Instance *of, bool to, double tolerance, double t, bool ends, double end)
-{ (void)to; (void)tolerance; (void)ends; (void)end; of->now.t = t; return OK; }
+{ of->now.t = t; return OK; }
 
 API int fmi3GetFloat64(Instance *of, const Reference *r, size_t n, double *values, size_t nv)
 { return told(of, n == nv ? get(&of->now, r, n, values) : ERROR, UNKNOWN); }
@@ -28,21 +23,19 @@ API int fmi3SetFloat64(Instance *of, const Reference *r, size_t n, const double 
 { return told(of, n == nv ? set(&of->now, r, n, values) : ERROR, NOT_SET); }
 API int fmi3GetDirectionalDerivative(Instance *of, const Reference *unknowns, size_t rows, const Reference *knowns,
                                      size_t columns, const double *seed, size_t ns, double *found, size_t nf)
-{
-    const int fit = ns == columns && nf == rows;
-    return told(of, fit ? directional(&of->now, unknowns, rows, knowns, columns, seed, found) : ERROR, UNKNOWN);
-}
+{ return told(of, directional(&of->now, unknowns, rows, knowns, columns, seed, found), UNKNOWN); }
 API int fmi3DoStep(Instance *of, double t, double length, bool whole, bool *event, bool *end, bool *early, double *last)
 {
     const int status = told(of, advance(&of->now, t, length), NOT_FINITE);
-    (void)whole; *event = *end = *early = false; *last = of->now.t;
+    *event = *end = *early = false;
+    *last = of->now.t;
     return status;
 }
 
-API int fmi3GetNumberOfEventIndicators(Instance *of, size_t *n) { (void)of; *n = 0; return OK; }
-API int fmi3GetNumberOfContinuousStates(Instance *of, size_t *n) { (void)of; *n = NX; return OK; }
+API int fmi3GetNumberOfEventIndicators(Instance *of, size_t *n) { *n = 0; return OK; }
+API int fmi3GetNumberOfContinuousStates(Instance *of, size_t *n) { *n = NX; return OK; }
 API int fmi3UpdateDiscreteStates(Instance *of, bool *again, bool *end, bool *scale, bool *value, bool *timed, double *t)
-{ (void)of; (void)t; *again = *end = *scale = *value = *timed = false; return OK; }
+{ *again = *end = *scale = *value = *timed = false; return OK; }
 
 SAME(EnterConfigurationMode) SAME(ExitConfigurationMode) SAME(EnterStepMode) SAME(EvaluateDiscreteStates)
 NONE_OF(Float32) NONE_OF(Int8) NONE_OF(UInt8) NONE_OF(Int16) NONE_OF(UInt16) NONE_OF(Int32) NONE_OF(UInt32)

@@ -3,14 +3,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#if defined(_WIN32)
+#ifdef _WIN32
 #define API __declspec(dllexport)
-#elif defined(__GNUC__)
-#define API __attribute__((visibility("default")))
 #else
-#define API
+#define API __attribute__((visibility("default")))
 #endif
-
 #define UNKNOWN "a value reference is unknown, or not of this kind"
 #define NOT_SET "a value is not finite, or belongs to a variable that cannot be set"
 #define NOT_FINITE "the state is not finite after the step; the parameter `step` may be too long for these inputs"
@@ -18,22 +15,18 @@
 enum { OK, WARNING, DISCARD, ERROR, FATAL };
 enum { NX = NAME_STATES, NV = NX / 2, NU = NAME_INPUTS, NY = NAME_OUTPUTS, NW = NX + NU };
 enum { TIME, U, X = U + NU, DX = X + NX, Y = DX + NX, STEP = Y + NY };
-
 typedef unsigned int Reference;
 typedef const char *String;
 typedef struct { double t, step, x[NX], u[NU]; } State;
 typedef struct { State now; void *environment, *log; char name[128]; } Instance;
 
 static const State start = {START};
-
-/* The status, which is also logged with a message unless it is OK. */
-static int told(Instance *of, int status, String message);
+static int told(Instance *of, int status, String message); /* the status, which is logged unless it is OK */
 
 static Instance *begin(String name, String token, void *environment, void *log)
 {
-    Instance *made = strcmp(token, "TOKEN") ? NULL : malloc(sizeof *made);
-    if (made) *made = (Instance){start, environment, log, ""};
-    if (made) strncpy(made->name, name, sizeof made->name - 1);
+    Instance *made = strcmp(token, "TOKEN") ? NULL : calloc(1, sizeof *made);
+    if (made) made->now = start, made->environment = environment, made->log = log, strncpy(made->name, name, 127);
     return made;
 }
 
@@ -45,13 +38,9 @@ static int get(const State *now, const Reference *from, size_t count, double *va
         const Reference r = from[k];
         if (r >= DX && r < Y && !rated++) NAME_rate(now->x, now->u, dx);
         if (r >= Y && r < STEP && !seen++) NAME_outputs(now->x, now->u, y);
-        if (r == TIME) values[k] = now->t;
-        else if (r < X) values[k] = now->u[r - U];
-        else if (r < DX) values[k] = now->x[r - X];
-        else if (r < Y) values[k] = dx[r - DX];
-        else if (r < STEP) values[k] = y[r - Y];
-        else if (r == STEP) values[k] = now->step;
-        else return ERROR;
+        if (r > STEP) return ERROR;
+        values[k] = r == TIME ? now->t : r < X ? now->u[r - U] : r < DX ? now->x[r - X]
+                  : r < Y ? dx[r - DX] : r < STEP ? y[r - Y] : now->step;
     }
     return OK;
 }
@@ -60,11 +49,8 @@ static int set(State *now, const Reference *to, size_t count, const double *valu
 {
     for (size_t k = 0; k < count; k++) {
         const Reference r = to[k];
-        if (!isfinite(values[k])) return ERROR;
-        if (r >= U && r < X) now->u[r - U] = values[k];
-        else if (r >= X && r < DX) now->x[r - X] = values[k];
-        else if (r == STEP && values[k] > 0.0) now->step = values[k];
-        else return ERROR;
+        if (!isfinite(values[k]) || r == TIME || (r >= DX && (r != STEP || values[k] <= 0.0))) return ERROR;
+        *(r < X ? &now->u[r - U] : r < DX ? &now->x[r - X] : &now->step) = values[k];
     }
     return OK;
 }
@@ -85,77 +71,60 @@ static int advance(State *now, double t, double length)
 static int directional(const State *now, const Reference *unknowns, size_t rows, const Reference *knowns,
                        size_t columns, const double *seed, double *found)
 {
-    double M[NV * NV], N[NV * NW], S[NY * NW], along[NW] = {0.0}, rate[NX], y[NY] = {0.0};
-    for (size_t k = 0; k < columns; k++)
-        if (knowns[k] >= U && knowns[k] < X) along[NX + knowns[k] - U] += seed[k];
-        else if (knowns[k] >= X && knowns[k] < DX) along[knowns[k] - X] += seed[k];
-        else return ERROR;
+    double M[NV * NV], N[NV * NW], S[NY * NW], along[NW] = {0.0}, rate[NX] = {0.0}, y[NY] = {0.0};
+    for (size_t k = 0; k < columns; k++) {
+        const Reference r = knowns[k];
+        if (r == TIME || r >= DX) return ERROR;
+        along[r < X ? NX + r - U : r - X] += seed[k];
+    }
     NAME_implicit(now->x, now->u, M, N);
     NAME_output_slopes(now->x, now->u, S);
-    for (int i = 0; i < NV; i++) {
-        rate[i] = along[NV + i];
-        rate[NV + i] = 0.0;
-        for (int j = 0; j < NW; j++) rate[NV + i] += N[i * NW + j] * along[j];
+    memcpy(rate, along + NV, sizeof(double) * NV);
+    for (int j = 0; j < NW; j++) {
+        for (int i = 0; i < NV; i++) rate[NV + i] += N[i * NW + j] * along[j];
+        for (int i = 0; i < NY; i++) y[i] += S[i * NW + j] * along[j];
     }
     NAME_factor(M);
     NAME_solve(M, rate + NV);
-    for (int i = 0; i < NY; i++)
-        for (int j = 0; j < NW; j++) y[i] += S[i * NW + j] * along[j];
     for (size_t k = 0; k < rows; k++) {
         const Reference r = unknowns[k];
-        if (r >= X && r < DX) found[k] = along[r - X];
-        else if (r >= DX && r < Y) found[k] = rate[r - DX];
-        else if (r >= Y && r < STEP) found[k] = y[r - Y];
-        else return ERROR;
+        if (r < X || r >= STEP) return ERROR;
+        found[k] = r < DX ? along[r - X] : r < Y ? rate[r - DX] : y[r - Y];
     }
     return OK;
 }
 
-static int copy_states(double *to, const double *from, size_t count)
+static int copy(void *to, const void *from, size_t size, size_t wanted)
 {
-    if (count != NX) return ERROR;
-    memcpy(to, from, sizeof(double) * NX);
-    return OK;
-}
-
-static int copy_bytes(void *to, const void *from, size_t size)
-{
-    if (size != sizeof(State)) return ERROR;
-    memcpy(to, from, size);
-    return OK;
+    if (size == wanted) memcpy(to, from, size);
+    return size == wanted ? OK : ERROR;
 }
 
 API void fmiNFreeInstance(Instance *of) { free(of); }
 API int fmiNReset(Instance *of) { of->now = start; return OK; }
 API int fmiNSetTime(Instance *of, double t) { of->now.t = t; return OK; }
-API int fmiNSetContinuousStates(Instance *of, const double *x, size_t n) { return copy_states(of->now.x, x, n); }
-API int fmiNGetContinuousStates(Instance *of, double *x, size_t n) { return copy_states(x, of->now.x, n); }
-API int fmiNRATES(Instance *of, double *dx, size_t n)
-{ if (n != NX) return ERROR; NAME_rate(of->now.x, of->now.u, dx); return OK; }
-API int fmiNGetNominalsOfContinuousStates(Instance *of, double *nominal, size_t n)
-{ (void)of; for (size_t k = 0; k < n; k++) nominal[k] = 1.0; return OK; }
-API int fmiNGetEventIndicators(Instance *of, double *z, size_t n) { (void)of; (void)z; return n ? ERROR : OK; }
-API int fmiNCompletedIntegratorStep(Instance *of, Flag last, Flag *event, Flag *end)
-{ (void)of; (void)last; *event = *end = 0; return OK; }
-API int fmiNSetDebugLogging(Instance *of, Flag on, size_t n, const String *categories)
-{ (void)of; (void)on; (void)n; (void)categories; return OK; }
+API int fmiNSetContinuousStates(Instance *of, const double *x, size_t n) { return copy(of->now.x, x, n * 8, NX * 8); }
+API int fmiNGetContinuousStates(Instance *of, double *x, size_t n) { return copy(x, of->now.x, n * 8, NX * 8); }
+API int fmiNRATES(Instance *of, double *dx, size_t n) { NAME_rate(of->now.x, of->now.u, dx); return OK; }
+API int fmiNGetNominalsOfContinuousStates(Instance *of, double *x, size_t n) { while (n--) x[n] = 1.0; return OK; }
+API int fmiNGetEventIndicators(Instance *of, double *z, size_t n) { return n ? ERROR : OK; }
+API int fmiNCompletedIntegratorStep(Instance *of, Flag last, Flag *event, Flag *end) { *event = *end = 0; return OK; }
+API int fmiNSetDebugLogging(Instance *of, Flag on, size_t n, const String *categories) { return OK; }
 
 API int fmiNGetFMUState(Instance *of, void **kept)
 {
     if (!*kept) *kept = malloc(sizeof(State));
-    if (!*kept) return ERROR;
-    return copy_bytes(*kept, &of->now, sizeof(State));
+    return *kept ? copy(*kept, &of->now, sizeof(State), sizeof(State)) : ERROR;
 }
 API int fmiNSetFMUState(Instance *of, const State *kept) { of->now = *kept; return OK; }
-API int fmiNFreeFMUState(Instance *of, void **kept) { (void)of; free(*kept); *kept = NULL; return OK; }
-API int fmiNSerializedFMUStateSize(Instance *of, void *kept, size_t *size)
-{ (void)of; (void)kept; *size = sizeof(State); return OK; }
-API int fmiNSerializeFMUState(Instance *of, void *kept, unsigned char *bytes, size_t size)
-{ (void)of; return copy_bytes(bytes, kept, size); }
-API int fmiNDeserializeFMUState(Instance *of, const unsigned char *bytes, size_t size, void **kept)
-{ return fmiNGetFMUState(of, kept) == OK ? copy_bytes(*kept, bytes, size) : ERROR; }
+API int fmiNFreeFMUState(Instance *of, void **kept) { free(*kept); *kept = NULL; return OK; }
+API int fmiNSerializedFMUStateSize(Instance *of, void *kept, size_t *n) { *n = sizeof(State); return OK; }
+API int fmiNSerializeFMUState(Instance *of, void *kept, void *bytes, size_t n)
+{ return copy(bytes, kept, n, sizeof(State)); }
+API int fmiNDeserializeFMUState(Instance *of, const void *bytes, size_t n, void **kept)
+{ return fmiNGetFMUState(of, kept) == OK ? copy(*kept, bytes, n, sizeof(State)) : ERROR; }
 
-#define SAME(name) API int fmiN##name(Instance *of) { (void)of; return OK; }
+#define SAME(name) API int fmiN##name(Instance *of) { return OK; }
 SAME(ExitInitializationMode) SAME(EnterEventMode) SAME(EnterContinuousTimeMode) SAME(Terminate)
 
 /* Functions for what these instances do not have: other types, events at known times, clocks. */
