@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from flexlink.dynamics.vibration.modal import modes, natural_frequencies
     from flexlink.dynamics.vibration.stability import stable_step
     from flexlink.formats import to_mjcf, to_sdf, to_urdf
-    from flexlink.formats.code import to_c, to_casadi
+    from flexlink.formats.code import to_c, to_casadi, to_fmu
     from flexlink.identification.fit import fit
     from flexlink.motion.batch import simulate_many
     from flexlink.motion.inputs.initial_state import initial_state
@@ -82,8 +82,8 @@ __all__ = [
     "gravity_torque", "import_urdf", "initial_state", "inverse_dynamics", "inverse_dynamics_derivatives", "invert",
     "jacobian", "linearize", "linearize_many", "load_scene", "loop", "lump", "mass_matrix", "modes", "momentum",
     "natural_frequencies", "point_motion", "report", "sensitivities", "simulate", "simulate_many", "small_motion",
-    "solve_static", "stable_step", "strength", "sweep", "tip_position", "to_c", "to_casadi", "to_mjcf", "to_sdf",
-    "to_urdf",
+    "solve_static", "stable_step", "strength", "sweep", "tip_position", "to_c", "to_casadi", "to_fmu", "to_mjcf",
+    "to_sdf", "to_urdf",
 ]  # fmt: skip
 
 
@@ -107,7 +107,7 @@ def __getattr__(name: str) -> object:
         ],
         "dynamics.vibration.linear": ["linearize", "linearize_many"],
         "dynamics.vibration.modal": ["modes", "natural_frequencies"], "dynamics.vibration.stability": ["stable_step"],
-        "formats": ["to_mjcf", "to_sdf", "to_urdf"], "formats.code": ["to_c", "to_casadi"],
+        "formats": ["to_mjcf", "to_sdf", "to_urdf"], "formats.code": ["to_c", "to_casadi", "to_fmu"],
         "identification.fit": ["fit"], "motion.batch": ["simulate_many"],
         "motion.inputs.initial_state": ["initial_state"], "motion.loop.loop": ["loop"],
         "motion.sensitivity": ["sensitivities"], "motion.simulate": ["Problem", "simulate"],

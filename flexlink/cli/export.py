@@ -1,8 +1,9 @@
-"""`flexlink export`: Write scenes as MJCF, URDF or SDF, which other engines load exactly, or as C or CasADi code.
+"""`flexlink export`: Write scenes as MJCF, URDF or SDF, which other engines load exactly, as C or CasADi code, as FMUs.
 
 flexlink export models/paper_fig5.toml --format urdf --out .
 flexlink export models/t3_spatial.toml --format sdf --small-mass 1e-9
 flexlink export models/paper_fig5.toml --c arm.c --casadi arm.py
+flexlink export models/paper_fig5.toml --fmu arm.fmu
 """
 
 import argparse
@@ -16,13 +17,13 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump, open_chain
 from flexlink.cli.shared import OF_ENGINES, prefix_errors, print_lines, require_writable, varied_scene
 from flexlink.common.errors import ArgumentError
-from flexlink.common.output import make_folder, write_text
+from flexlink.common.output import make_folder, write_whole
 from flexlink.common.types import Array
 from flexlink.data.documents import shown_path
 from flexlink.describe.scene import Scene
 from flexlink.describe.tie import refuse_ties
 from flexlink.formats import FORMATS
-from flexlink.formats.code import to_c, to_casadi
+from flexlink.formats.code import to_c, to_casadi, to_fmu
 from flexlink.formats.features import storage_note, unsupported
 from flexlink.formats.small_mass import added_inertia, with_small_mass
 from flexlink.motion.inputs.initial_state import initial_state
@@ -34,14 +35,19 @@ def run_command(options: argparse.Namespace) -> int:
     if options.small_mass is not None:
         positive("--small-mass", options.small_mass)
     code = _code_writers(options)
-    texts: dict[Path, str] = {}
+    texts: dict[Path, str | bytes] = {}
     notes: list[str] = []
     for path in options.scenes:
         scene = varied_scene(path, options)
         with prefix_errors(path):
-            if code:
-                refuse_ties(scene.ties, "C and CasADi code have no ties")
+            if code or options.fmu:
+                refuse_ties(scene.ties, "C code, CasADi code and FMUs have no ties")
             chain, state = _chain_and_state(path, scene, options, notes)
+            if options.fmu and state:
+                texts[options.fmu] = to_fmu(
+                    chain, state, fmi=options.fmi, sample=scene.run.between, duration=scene.run.duration,
+                    binary=not options.no_binary,
+                )  # fmt: skip
             texts |= {target: write(chain) for target, write in code.items()}
         for name in _formats(options):
             target = options.out / (path.stem + FORMATS[name].ending)
@@ -56,7 +62,8 @@ def run_command(options: argparse.Namespace) -> int:
         make_folder(path.parent)
         require_writable(path)
     for path, text in texts.items():
-        write_text(path, text)
+        content = text.encode() if isinstance(text, str) else text
+        write_whole(path, functools.partial(Path.write_bytes, data=content))
         print(shown_path(path))
     print_lines("note", notes)
     options.document = {"files": [str(path) for path in texts], "notes": notes}
@@ -65,7 +72,7 @@ def run_command(options: argparse.Namespace) -> int:
 
 def _formats(options: argparse.Namespace) -> list[str]:
     """Names of the requested formats; by default all, or none if code is requested."""
-    return list(dict.fromkeys(options.format or ([] if options.c or options.casadi else FORMATS)))
+    return list(dict.fromkeys(options.format or ([] if options.c or options.casadi or options.fmu else FORMATS)))
 
 
 def _code_writers(options: argparse.Namespace) -> dict[Path, Callable[[Chain], str]]:
@@ -73,15 +80,17 @@ def _code_writers(options: argparse.Namespace) -> dict[Path, Callable[[Chain], s
     if options.out.suffix in OF_ENGINES and not options.out.exists():
         text = f"--out {options.out}: files are named after the scenes; give their folder, --out {options.out.parent}"
         raise ArgumentError(text, id="unknown-format")
-    to_c_code = functools.partial(to_c, slopes=options.slopes)
+    to_c_code = functools.partial(to_c, slopes=options.slopes, step=options.step)
     writers: dict[Path, Callable[[Chain], str]] = {}
     both = ((options.c, to_c_code, ".c", "C code"), (options.casadi, to_casadi, ".py", "code for CasADi"))
     for path, write, end, what in both:
         if path is not None:
             ending(path, (end,), what)
             writers[path] = write
-    if writers and len(options.scenes) > 1:
-        raise ArgumentError("--c, --casadi: one scene per file; export one at a time", id="would-overwrite")
+    if options.fmu is not None:
+        ending(options.fmu, (".fmu",), "an FMU")
+    if (writers or options.fmu) and len(options.scenes) > 1:
+        raise ArgumentError("--c, --casadi, --fmu: one scene per file; export one at a time", id="would-overwrite")
     return writers
 
 
@@ -91,7 +100,7 @@ def _chain_and_state(
     """Return the chain, with small masses on request, and the initial state if a format stores it."""
     chain, mass = lump(open_chain(scene)), options.small_mass
     keyframe = any(FORMATS[name].keyframe for name in _formats(options))
-    state = initial_state(scene, chain) if keyframe or mass is not None else None
+    state = initial_state(scene, chain) if keyframe or options.fmu or mass is not None else None
     if state is not None and mass is not None:
         added = added_inertia(chain, state[0], mass=mass)
         gets = f"every massless link gets {mass:g} kg; relative changes in the initial configuration"

@@ -140,6 +140,7 @@ TABLE: dict[str, Call] = {
     "to_mjcf": lambda c, _: fl.to_mjcf(fl.lump(open_chain(c.scene)), ties=c.scene),
     "to_c": lambda c, _: fl.to_c(c.chain, slopes=False),
     "to_casadi": lambda c, _: fl.to_casadi(c.chain),
+    "to_fmu": lambda c, _: fl.to_fmu(c.chain, c.start(), binary=False),
     "to_sdf": lambda c, _: fl.to_sdf(c.chain),
     "to_urdf": lambda c, _: fl.to_urdf(c.chain),
 }

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.dynamics.free_motion import input_names, state_names
-from flexlink.formats.code.model import ALLOWED, Model, cases, model_of, name_of, slopes_of
+from flexlink.formats.code.model import ALLOWED, Model, cases, implicit_of, model_of, name_of, slopes_of
 from flexlink.formats.code.tape import Number, Real, Tape
 
 LONGEST = 400_000
 """Largest number of operations of a file."""
 
 
-def to_c(chain: Chain, *, slopes: bool = False) -> str:
-    """Equations of motion of an arm as C code: ẋ = f(x, u), the tip, and the derivatives ∂f/∂x and ∂f/∂u.
+def to_c(chain: Chain, *, slopes: bool = False, step: bool = False) -> str:
+    """Equations of motion of an arm as C code: ẋ = f(x, u), the tip, derivatives ∂f/∂x and ∂f/∂u, and a time step.
 
     The states x are angles and rates (z, ż) of all joints or, for links with `modes`, of their shapes; the inputs u are
     the torques of the driven joints, or their accelerations if their motion is prescribed. Their names and units are in
@@ -25,6 +29,10 @@ def to_c(chain: Chain, *, slopes: bool = False) -> str:
         void arm_rate(const double *x, const double *u, double *dx);
         void arm_tip(const double *x, double *tip);                             position in frame 0 [m]
         void arm_slopes(const double *x, const double *u, double *A, double *B);
+        void arm_step(double *x, const double *u, double h);                    x after h seconds with constant u
+
+    `arm_step` is an implicit step for stiff arms, RODAS of order 4 (Hairer & Wanner 1996), whose number of operations
+    does not depend on x: it allocates nothing, iterates nothing, and meets a deadline always or never.
 
     Compiled with -DARM_TEST (the name in capitals), the file is a program that compares `arm_rate` and `arm_tip` with
     numbers of flexlink's solver, and returns 0 if they agree.
@@ -35,6 +43,8 @@ def to_c(chain: Chain, *, slopes: bool = False) -> str:
         The chain.
     slopes
         Whether the file contains `arm_slopes`, which then has most of its lines, and takes compilers up to minutes.
+    step
+        Whether the file contains `arm_step`, which has about half as many lines as `arm_slopes`.
 
     Returns
     -------
@@ -53,14 +63,38 @@ def to_c(chain: Chain, *, slopes: bool = False) -> str:
     True
     """
     model, name = model_of(chain), name_of(chain)
-    rate = f"void {name}_rate(const double *x, const double *u, double *dx)"
-    tip = f"void {name}_tip(const double *x, double *tip)"
-    parts = [_head(model, name), _function(model, rate, {"dx": model.rate}), _function(model, tip, {"tip": model.tip})]
+    rate = function(model, f"{name}_rate", "xu", {"dx": model.rate})
+    parts = [head(model), rate, function(model, f"{name}_tip", "x", {"tip": model.tip})]
     if slopes:
         by_x, by_u = ([*itertools.chain.from_iterable(zip(*by, strict=True))] for by in slopes_of(model))  # row by row
-        head = f"void {name}_slopes(const double *x, const double *u, double *A, double *B)"
-        parts.append(_in_blocks(model, head, f"{name}_slopes", {"A": by_x, "B": by_u}))
+        parts.append(in_blocks(model, f"{name}_slopes", {"A": by_x, "B": by_u}))
+    if step:
+        parts.append(step_function(model))
     return "\n\n".join([*parts, _test(model, name)]) + "\n"
+
+
+def step_function(model: Model) -> str:
+    """The function for a step, with those that it calls."""
+    m, name = model.chain.freedoms, name_of(model.chain)
+    free, M_free, N_free, known = implicit_of(model)
+    M, N = np.eye(m).astype(object), known[m:]  # z̈ of other coordinates is an input
+    M[np.ix_(free - m, free - m)], N[free - m] = M_free, N_free
+    implicit = in_blocks(model, f"{name}_implicit", {"M": [*M.flat], "N": [*N.flat]}, "static ")
+    return f"#define {name.upper()}_FREEDOMS {m}\n\n{implicit}\n\n{template('step.c', name)}"
+
+
+def slopes_by_rows(model: Model, values: Sequence[Real]) -> list[Real]:
+    """Derivatives of values with respect to x and u, row by row."""
+    by = [model.tape.slopes(values, each) for each in (*model.x, *model.u)]
+    return [*itertools.chain.from_iterable(zip(*by, strict=True))]
+
+
+def template(file: str, name: str, words: Mapping[str, str] | None = None) -> str:
+    """A text of this folder with other words, and with the name of the arm in place of NAME."""
+    text = (Path(__file__).parent / file).read_text(encoding="utf-8").strip()
+    for word, meant in (words or {}).items():
+        text = text.replace(word, meant)
+    return re.sub("NAME_(?=[A-Z])", f"{name.upper()}_", text).replace("NAME", name)
 
 
 def check_length(tape: Tape, chain: Chain) -> None:
@@ -70,9 +104,11 @@ def check_length(tape: Tape, chain: Chain) -> None:
         raise ArgumentError(f"{chain.name}: {text}", id="code-too-long")
 
 
-def _head(model: Model, name: str) -> str:
+def head(model: Model, extra: Iterable[str] = ()) -> str:
+    """The first comment, which names states and inputs, and their numbers."""
+    name = name_of(model.chain)
     rows = [f"x[{k}] {state}" for k, state in enumerate(state_names(model.chain))]
-    rows += [f"u[{k}] {given}" for k, given in enumerate(input_names(model.chain))]
+    rows += [f"u[{k}] {given}" for k, given in enumerate((*input_names(model.chain), *extra))]
     listed = "\n".join(f"   {row}" for row in rows).replace("*/", "* /")
     return (
         f"/* Equations of motion of {model.chain.name.replace('*/', '* /')!r}, written by flexlink.\n{listed}\n*/\n"
@@ -81,12 +117,17 @@ def _head(model: Model, name: str) -> str:
     )
 
 
-def _function(model: Model, head: str, results: Mapping[str, Sequence[Real]]) -> str:
-    """A function that writes arrays."""
+def function(model: Model, name: str, given: str, results: Mapping[str, Sequence[Real]]) -> str:
+    """A function of x or of x and u that writes arrays."""
     check_length(model.tape, model.chain)
     names = inputs_of(model)
     lines = [f"    {line}" for line in statements(model.tape, results.values(), names, "const double t{} = {};")]
-    return head + "\n{\n" + "\n".join([*lines, *_written(results, names)]) + "\n}"
+    return f"{_head_of(name, given, results)}\n{{\n" + "\n".join([*lines, *_written(results, names)]) + "\n}"
+
+
+def _head_of(name: str, given: str, results: Iterable[str]) -> str:
+    arguments = [f"const double *{array}" for array in given] + [f"double *{array}" for array in results]
+    return f"void {name}({', '.join(arguments)})"
 
 
 def _written(results: Mapping[str, Sequence[Real]], names: dict[int, str]) -> list[str]:
@@ -99,20 +140,35 @@ BLOCK = 1000
 """Number of operations of a C function of a long computation: the time of compilers grows faster than this number."""
 
 
-def _in_blocks(model: Model, head: str, name: str, results: Mapping[str, Sequence[Real]]) -> str:
-    """A function that writes arrays, divided into short functions that share an array of intermediate results."""
+def in_blocks(model: Model, name: str, results: Mapping[str, Sequence[Real]], static: str = "") -> str:
+    """A function of x and u that writes arrays, divided into short functions.
+
+    Results that another block needs are in an array that the blocks share, all others are variables of a block.
+    """
     check_length(model.tape, model.chain)
     names = inputs_of(model)
     lines = statements(model.tape, results.values(), names, "t[{}] = {};", "t[{}]")
     blocks = [lines[first : first + BLOCK] for first in range(0, len(lines), BLOCK)]
-    arguments = "const double *x, const double *u, double *t"
+    written, place = _written(results, names), re.compile(r"t\[(\d+)\]")
+    last = {int(k): b for b, block in enumerate([*blocks, written]) for line in block for k in place.findall(line)}
+    shared = {k: row for row, k in enumerate(k for k in range(len(lines)) if last[k] > k // BLOCK)}
+
+    def placed(line: str) -> str:
+        return place.sub(lambda found: f"t[{shared[k]}]" if (k := int(found[1])) in shared else f"t{k}", line)
+
+    def body(first: int, block: list[str]) -> str:
+        kinds = ("" if k in shared else "const double " for k in range(first, first + len(block)))
+        return "\n".join(f"    {kind}{placed(line)}" for kind, line in zip(kinds, block, strict=True))
+
     parts = [
-        f"static void {name}_{k}({arguments})\n{{\n    (void)u;\n" + "\n".join(f"    {line}" for line in block) + "\n}"
-        for k, block in enumerate(blocks)
+        f"static void {name}_{b}(const double *x, const double *u, double *t)\n"
+        f"{{\n    (void)x, (void)u;\n{body(b * BLOCK, block)}\n}}"
+        for b, block in enumerate(blocks)
     ]
-    calls = [f"    {name}_{k}(x, u, t);" for k in range(len(blocks))]
-    body = "\n".join([f"    double t[{max(len(lines), 1)}];", *calls, *_written(results, names)])
-    return "\n\n".join([*parts, f"{head}\n{{\n{body}\n}}"])
+    calls = [f"    {name}_{b}(x, u, t);" for b in range(len(blocks))]
+    begin = [f"    double t[{max(len(shared), 1)}];", "    (void)x, (void)u, (void)t;"]
+    main = "\n".join([*begin, *calls, *map(placed, written)])
+    return "\n\n".join([*parts, f"{static}{_head_of(name, 'xu', results)}\n{{\n{main}\n}}"])
 
 
 def inputs_of(model: Model) -> dict[int, str]:
