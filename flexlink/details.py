@@ -5,7 +5,6 @@ from flexlink.describe.filters import Filter
 from flexlink.describe.initial import BaseState
 from flexlink.describe.joint import DenavitHartenberg, Limits
 from flexlink.describe.link import RootDamping, RootStiffness, StrainModes
-from flexlink.describe.rest_shape import RestCurvature, RestTwist, ThermalGradient
 from flexlink.describe.tie import Tie, TieEnd
 
 __all__ = [
@@ -14,12 +13,9 @@ __all__ = [
     "DriveFilter",
     "Filter",
     "Limits",
-    "RestCurvature",
-    "RestTwist",
     "RootDamping",
     "RootStiffness",
     "StrainModes",
-    "ThermalGradient",
     "Tie",
     "TieEnd",
 ]

@@ -1,7 +1,5 @@
 """Actions on an arm: prescribed motions, and the tip wrench."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 import numpy as np

@@ -1,7 +1,5 @@
 """An arm: links with joints, materials, sections, payload and base. Frozen, checked, in SI units."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal
 

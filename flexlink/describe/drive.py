@@ -1,7 +1,5 @@
 """Drives of the joints: torques, tables and controllers."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 import msgspec

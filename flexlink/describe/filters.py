@@ -1,7 +1,5 @@
 """Linear filters of sensors: low-pass, notch, and transfer functions by coefficients."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from typing import Annotated
 

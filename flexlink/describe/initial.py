@@ -1,7 +1,5 @@
 """Initial state of a scene: joints, hinges, and a free base."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Attachment of a link to its parent: the joint's placement, and the joint itself."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Annotated, Literal

@@ -1,7 +1,5 @@
 """Reference of a drive: desired angles over time, as a point-to-point move or a table, with optional input shaping."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Annotated, Literal

@@ -11,8 +11,6 @@ T₀ + g_y y + g_z z with the expansion α strains the fibre (y, z) by α (g_y y
     κ_y = α g_z        κ_z = −α g_y                (Boley & Weiner 1960, Theory of Thermal Stresses, ch. 10)
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 from typing import Annotated, NamedTuple
@@ -63,7 +61,7 @@ class RestCurvature(_Table, frozen=True):
 
     Examples
     --------
-    >>> hook = fl.details.RestCurvature(x=(0.0, 0.5, 0.5, 1.0), z=(0.0, 0.0, 3.0, 3.0))  # straight, then bent
+    >>> hook = {"x": [0, 0.5, 0.5, 1], "z": [0, 0, 3, 3]}  # straight, then bent
     >>> bent = fl.lump(scene.varied({"link.upper.length": 1.0, "link.upper.curvature": hook}))
     >>> print(f"{np.degrees(bent.rest.sum()):.1f}")  # °
     85.9
@@ -80,9 +78,9 @@ class RestTwist(_Table, frozen=True):
 
     Examples
     --------
-    >>> blade = fl.details.RestTwist(x=(0.0, 1.0), rate=(0.4, 0.0))  # rad/m
-    >>> print(blade)
-    RestTwist(x=(0.0, 1.0), rate=(0.4, 0.0))
+    >>> blade = {"x": [0, 1.25], "rate": [0.4, 0]}  # rad/m
+    >>> print(fl.Link(name="blade", length=1.25, twist=blade, material="steel", section="strip").twist.rate)
+    (0.4, 0.0)
     """
 
     rate: Annotated[Row, measured_in("rad/m")] = ()
@@ -94,7 +92,7 @@ class ThermalGradient(Spec, frozen=True):
 
     Examples
     --------
-    >>> sunlit = fl.details.ThermalGradient(gradient=500.0, expansion=23e-6)  # aluminium, 10 K across 20 mm
+    >>> sunlit = {"gradient": 500.0, "expansion": 23e-6}  # aluminium, 10 K across 20 mm
     >>> bent = fl.lump(scene.varied({"link.upper.thermal": sunlit}))
     >>> print(np.degrees(bent.rest[1:3]).round(2))  # °, away from the warm side
     [-0.33 -0.33]

@@ -1,7 +1,5 @@
 """A rigid body on an arm: a hub, a body at the end of a link, or the payload."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

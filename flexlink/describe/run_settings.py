@@ -1,7 +1,5 @@
 """Integration settings: method, steps, duration, samples, and solver of forward dynamics."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Literal

@@ -1,7 +1,5 @@
 """Read scenes from files."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType

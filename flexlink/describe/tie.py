@@ -1,7 +1,5 @@
 """Ties between points of the arm: exact ones, which close loops, and springs, stops, cables, walls and play."""
 
-from __future__ import annotations
-
 import math
 import operator
 from collections.abc import Iterator, Sequence

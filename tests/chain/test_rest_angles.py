@@ -95,8 +95,8 @@ def test_a_quarter_circle_unrolls_as_the_rod(rule: str, hinges: int, largest: fl
 
 SPACE = {"curvature": (1.0, 2.0), "twist": 2.0}
 TABLES = {
-    "curvature": fl.details.RestCurvature(x=(0, 1), y=(0, 1), z=(2, 2)),
-    "twist": fl.details.RestTwist(x=(0, 1), rate=(2, 0)),
+    "curvature": {"x": (0, 1), "y": (0, 1), "z": (2, 2)},
+    "twist": {"x": (0, 1), "rate": (2, 0)},
 }
 
 
@@ -159,13 +159,13 @@ def test_a_clamped_quarter_circle_has_the_frequencies_of_the_arch() -> None:
 @pytest.mark.parametrize("gradient", [10.0, 1e4])
 def test_a_link_warmed_on_one_side_bows_to_a_circle(gradient: float) -> None:
     """The fibre at +y is longer, so the tip moves to −y: by κ L²/2 if the bow is slight."""
-    warm = fl.details.ThermalGradient(gradient=gradient, expansion=2e-5)
+    warm = {"gradient": gradient, "expansion": 2e-5}
     chain = thin_arm(link("lobatto4", 8, thermal=warm))
     κ = 2e-5 * gradient
     circle = [np.sin(κ) / κ, -2 * np.sin(κ / 2) ** 2 / κ, 0]
     assert fl.tip_position(chain, fl.solve_static(chain).q) == pytest.approx(circle, abs=1e-14)
     assert κ > 1e-2 or circle[1] == pytest.approx(-κ / 2, rel=1e-8)
-    across = fl.details.ThermalGradient(gradient=(0.0, gradient), expansion=2e-5)
+    across = {"gradient": (0.0, gradient), "expansion": 2e-5}
     up = thin_arm(link("lobatto4", 8, "yz", thermal=across))
     assert fl.tip_position(up, up.rest) == pytest.approx([circle[0], 0, circle[1]], abs=1e-14)
 
@@ -229,9 +229,9 @@ def test_what_has_no_meaning_is_refused_by_name() -> None:
     with refused(fl.errors.SceneError, "rotation-curved"):
         thin_arm(link("gauss_rotation", 2, "xyz", curvature=1.0))
     with refused(fl.errors.SceneError, "rigidity-table"):
-        link("gauss", 2, curvature=fl.details.RestCurvature(x=(0, 0.5), z=(1, 1)))
+        link("gauss", 2, curvature={"x": (0, 0.5), "z": (1, 1)})
     with refused(fl.errors.SceneError, "one-per-row"):
-        fl.details.RestTwist(x=(0, 1), rate=(1,))
+        link("gauss", 2, twist={"x": (0, 1), "rate": (1,)})
     with refused(fl.errors.SceneError, "needs-another-key"):
         fl.Link(name="a", length=1.0, curvature=1.0)
     table = fl.details.DenavitHartenberg(convention="standard", a=1.0)
