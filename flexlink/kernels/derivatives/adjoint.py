@@ -70,8 +70,8 @@ def go_back(run, bare, chain, tableau, inputs, h, origin, every, rows, samples, 
     """Take the adjoint λ (2, n) of the state back over the samples of `rows`, from the last to the first.
 
     `samples`: q and q̇ (samples, n) of a run, `every` steps apart; `given`: ∂J/∂q and ∂J/∂q̇ of each. Writes ∂J/∂T_EX
-    (samples − 1, n) of torques that are held between samples to `found`. `run` is scratch of the run's forward dynamics,
-    `bare` of that without gravity, springs and friction.
+    (samples − 1, n) of torques that are held between samples to `found`. `run` is scratch of the run's forward
+    dynamics, `bare` of that without gravity, springs and friction.
     """
     qs, qds = samples
     s, n = len(tableau[2]), qs.shape[1]

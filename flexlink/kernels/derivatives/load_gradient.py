@@ -11,8 +11,8 @@ velocity U of its hinge point. With the other symbols of `inverse_derivatives`, 
     turn        ∂/∂q = e·(n × Ω + f × U − g) + δa·P + η·L + δω·C   ∂/∂q̇ = 2 δω·L + e·C
     slide       ∂/∂q = e·(f × Ω) + δa·P                            ∂/∂q̇ = 2 (ω × e)·P
 
-Ω and U are those inboard of the hinge; f, n, P, L, C those of all bodies outboard of it. g = U_tip × F + Ω_tip × m of the
-tip wrench, whose direction is constant.
+Ω and U are those inboard of the hinge; f, n, P, L, C those of all bodies outboard of it. g = U_tip × F + Ω_tip × m of
+the tip wrench, whose direction is constant.
 """
 
 from typing import Any, NamedTuple

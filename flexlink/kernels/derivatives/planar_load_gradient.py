@@ -1,7 +1,7 @@
 """Gradient of w·τ in a plane, O(n): `planar_rne` in reverse (see `load_gradient`).
 
-Ω and U are the rate of a link and the velocity of its hinge point if the joints had the rates w. A change of φ of one link
-changes r by d, d by −r, m c by h and h by −m c. With f and P = Σ (m U + Ω h) of all bodies outboard of its next hinge,
+Ω and U are the rate of a link and the velocity of its hinge point if the joints had the rates w. A change of φ of one
+link changes r by d, d by −r, m c by h and h by −m c. With f and P = Σ (m U + Ω h) of all bodies outboard of the link,
 
     outward     Ω ← Ω + σ w     U ← U + Ω d
     ∂/∂φ = −U·(α m c + ω² h) − Ω (m c·a + r·f) − P·(α r + ω² d)          ∂/∂φ̇ = −2 ω (U·m c + P·r)
