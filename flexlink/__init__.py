@@ -58,10 +58,10 @@ if TYPE_CHECKING:
     from flexlink.formats.code import to_c, to_casadi
     from flexlink.identification.fit import fit
     from flexlink.motion.batch import simulate_many
-    from flexlink.motion.differentiable_run import differentiable_run
     from flexlink.motion.inputs.initial_state import initial_state
     from flexlink.motion.inversion import invert
     from flexlink.motion.loop.loop import loop
+    from flexlink.motion.run_gradient import run_gradient
     from flexlink.motion.sensitivity import sensitivities
     from flexlink.motion.simulate import Problem, simulate
     from flexlink.motion.simulator import Simulator
@@ -78,13 +78,13 @@ __all__ = [
     "Arm", "Base", "Chain", "Damping", "Drag", "Drive", "FlexibleLink", "FlexlinkError", "Friction", "InitialState",
     "InputShaper", "Joint", "Link", "Material", "Mount", "PrescribedMotion", "Problem", "Reference", "RigidBody",
     "Rigidity", "RunSettings", "Scene", "Section", "Sensor", "Simulator", "SimulatorBatch", "Sweep", "Trajectory",
-    "Wrench", "advise", "bias_torque", "compare", "compare_trajectories", "details", "differentiable_run",
-    "drag_torque", "elastic_torque", "energy", "errors", "fit", "fits", "forward_dynamics",
-    "forward_dynamics_derivatives", "frames", "friction_torque", "gravity_torque", "import_urdf", "initial_state",
-    "inverse_dynamics", "inverse_dynamics_derivatives", "invert", "jacobian", "linearize", "linearize_many",
-    "load_scene", "loop", "lump", "mass_matrix", "modes", "momentum", "natural_frequencies", "point_motion", "report",
-    "sensitivities", "simulate", "simulate_many", "small_motion", "solve_static", "stable_step", "strength", "sweep",
-    "tip_position", "to_c", "to_casadi", "to_mjcf", "to_sdf", "to_urdf",
+    "Wrench", "advise", "bias_torque", "compare", "compare_trajectories", "details", "drag_torque", "elastic_torque",
+    "energy", "errors", "fit", "fits", "forward_dynamics", "forward_dynamics_derivatives", "frames", "friction_torque",
+    "gravity_torque", "import_urdf", "initial_state", "inverse_dynamics", "inverse_dynamics_derivatives", "invert",
+    "jacobian", "linearize", "linearize_many", "load_scene", "loop", "lump", "mass_matrix", "modes", "momentum",
+    "natural_frequencies", "point_motion", "report", "run_gradient", "sensitivities", "simulate", "simulate_many",
+    "small_motion", "solve_static", "stable_step", "strength", "sweep", "tip_position", "to_c", "to_casadi", "to_mjcf",
+    "to_sdf", "to_urdf",
 ]  # fmt: skip
 
 
@@ -110,11 +110,11 @@ def __getattr__(name: str) -> object:
         "dynamics.vibration.modal": ["modes", "natural_frequencies"], "dynamics.vibration.stability": ["stable_step"],
         "formats": ["to_mjcf", "to_sdf", "to_urdf"], "formats.code": ["to_c", "to_casadi"],
         "identification.fit": ["fit"], "motion.batch": ["simulate_many"],
-        "motion.differentiable_run": ["differentiable_run"],
         "motion.inputs.initial_state": ["initial_state"], "motion.loop.loop": ["loop"],
         "motion.sensitivity": ["sensitivities"], "motion.simulate": ["Problem", "simulate"],
         "motion.simulator": ["Simulator"], "motion.simulator_batch": ["SimulatorBatch"],
-        "motion.inversion": ["invert"], "results.trajectory": ["Trajectory"], "robots.flexible": ["FlexibleLink"],
+        "motion.inversion": ["invert"], "motion.run_gradient": ["run_gradient"],
+        "results.trajectory": ["Trajectory"], "robots.flexible": ["FlexibleLink"],
         "robots.importing": ["import_urdf"], "scene_report.report": ["report"], "sweeps.plan": ["Sweep"],
         "sweeps.run": ["sweep"],
     }  # fmt: skip

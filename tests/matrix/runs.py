@@ -179,6 +179,27 @@ def sensitivity(case: Case) -> None:
     assert error <= 1e-4 * np.abs(wanted).max()
 
 
+def gradient(case: Case) -> None:
+    """The gradient of a run matches fourth-order differences of runs along its torques, initial angles and rates."""
+    q, qd = case.start()
+    dice, shape = np.random.default_rng(1), (len(case.run.t) - 1, len(case.chain.active))
+    tau, pull = dice.normal(size=shape), dice.normal(size=(2, shape[0] + 1, case.chain.n))
+
+    def ends(tau: np.ndarray, q: np.ndarray, qd: np.ndarray) -> float:
+        run = fl.differentiable_run(case.scene, tau, q0=q, qd0=qd).run
+        return float((pull * [run.q, run.qd]).sum())
+
+    found = fl.differentiable_run(case.scene, tau, q0=q, qd0=qd).gradient(*pull)
+    for at, slope in enumerate((found.dtau, found.dq0, found.dqd0)):
+        along = dice.normal(size=slope.shape)
+
+        def moved(h: float, at: int = at, along: np.ndarray = along) -> np.ndarray:
+            return np.array(ends(*(x + h * along * (k == at) for k, x in enumerate((tau, q, qd)))))
+
+        wanted, coarse = difference(moved, 2e-3), difference(moved, 4e-3)
+        close((slope * along).sum(), wanted, 1e-7, 2 * np.abs(wanted - coarse))
+
+
 def sensors(case: Case) -> None:
     """Accelerometer and gyroscope on the last link match the motion of its end."""
     link = case.scene.arm.links[-1].name

@@ -16,31 +16,36 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.bodies.plane import PlanarWork
 from flexlink.kernels.derivatives.forward_derivatives import friction_derivative
-from flexlink.kernels.derivatives.load_gradient import LoadGradientWork, gradient_in_space, load_gradient_workspace
-from flexlink.kernels.derivatives.planar_load_gradient import (
-    PlanarLoadGradientWork,
-    gradient_in_plane,
-    planar_load_gradient_workspace,
-)
+from flexlink.kernels.derivatives.load_gradient import LoadGradientWork, gradient_in_space
+from flexlink.kernels.derivatives.planar_load_gradient import PlanarLoadGradientWork, gradient_in_plane
 from flexlink.kernels.forces.elements import find_slopes, force_slopes_of, forces_of
-from flexlink.kernels.forward.articulated_rows import ArticulatedWork
 from flexlink.kernels.forward.solvers import forward_dynamics
 from flexlink.kernels.inputs.tip_wrench import put_wrench
 from flexlink.kernels.stepping.runge_kutta import StepWork, step
-from flexlink.kernels.tools.compiler import allocating, by_type, kernel, recursion
+from flexlink.kernels.tools.compiler import by_type, kernel, recursion
 
 
 class AdjointWork(NamedTuple):
     """Scratch of `go_back`, with the constants of a chain."""
 
     chain: Any
+    forward: Any  # scratch of the run's forward dynamics
     bare: Any  # scratch of forward dynamics without gravity, springs and friction, which solves M w = ν
     loads: Any  # scratch of `load_gradient`
     slopes: Any  # derivatives of force elements; None for a plain chain
+    ν: Any  # (s, n)
+    ρ: Any  # (s, n)
     vectors: Any  # (6, n) 0, Q, w, κ, δ, and torques
     nothing: Any  # (6,) 0
+
+
+@kernel
+def adjoint_workspace(chain, forward, bare, loads, s):
+    """Scratch of `go_back` for steps of s stages."""
+    n, slopes = len(chain.hinges), force_slopes_of(chain, forces_of(chain))
+    ν, ρ, vectors = np.empty((s, n)), np.empty((s, n)), np.zeros((6, n))
+    return AdjointWork(chain, forward, bare, loads, slopes, ν, ρ, vectors, np.zeros(6))
 
 
 @by_type({PlanarLoadGradientWork: gradient_in_plane, LoadGradientWork: gradient_in_space})
@@ -48,56 +53,40 @@ def load_gradient(chain, wrench, q, qd, qdd, w, by_angle, by_rate, work):
     """Write ∂(w·τ)/∂q and ∂(w·τ)/∂q̇ (n,) of τ = M q̈ + T_GC, under the tip wrench (6,) in frame 0."""
 
 
-@allocating
-def in_plane(chain, bare):
-    """Scratch of `load_gradient` for a planar chain."""
-    return planar_load_gradient_workspace(bare)
-
-
-@allocating
-def in_space(chain, bare):
-    """Scratch of `load_gradient` for another chain."""
-    return load_gradient_workspace(chain)
-
-
-@by_type({PlanarWork: in_plane, ArticulatedWork: in_space})
-def load_gradient_scratch(chain, bare):
-    """Scratch of `load_gradient`."""
-
-
 @kernel
-def go_back(run, bare, chain, tableau, inputs, h, origin, every, rows, samples, given, λ, found):
-    """Take the adjoint λ (2, n) of the state back over the samples of `rows`, from the last to the first.
+def go_back(work, tableau, inputs, h, origin, every, samples, given, λ, found):
+    """Take λ (2, n), ∂J/∂q and ∂J/∂q̇ of the last sample, back to the first one.
 
     `samples`: q and q̇ (samples, n) of a run, `every` steps apart; `given`: ∂J/∂q and ∂J/∂q̇ of each. Writes ∂J/∂T_EX
-    (samples − 1, n) of torques that are held between samples to `found`. `run` is scratch of the run's forward
-    dynamics, `bare` of that without gravity, springs and friction.
+    (samples − 1, n) of torques that are held between samples to `found`. Returns the index of the sample, if any, after
+    which the steps do not lead to the next sample, otherwise −1.
     """
     qs, qds = samples
-    s, n = len(tableau[2]), qs.shape[1]
-    slopes, K, L = force_slopes_of(chain, forces_of(chain)), np.empty((every, s, n)), np.empty((every, s, n))
-    work = AdjointWork(chain, bare, load_gradient_scratch(chain, bare), slopes, np.zeros((6, n)), np.zeros(6))
-    ν, ρ = np.empty((s, n)), np.empty((s, n))
-    q, qd, done = np.empty((every + 1, n)), np.empty(n), np.zeros(1)
-    for row in range(rows[1] - 1, rows[0] - 1, -1):
+    s, n = work.ν.shape
+    K, L, q = np.empty((every, s, n)), np.empty((every, s, n)), np.empty((every + 1, n))
+    qd, done = np.empty(n), np.zeros(1)
+    for row in range(len(found) - 1, -1, -1):
         start = origin + row * every
-        for k in range(n):
-            q[0, k], qd[k] = qs[row, k], qds[row, k]
-            λ[0, k], λ[1, k] = λ[0, k] + given[0, row + 1, k], λ[1, k] + given[1, row + 1, k]
-            found[row, k] = 0.0
+        q[0, :], qd[:], found[row, :] = qs[row], qds[row], 0.0
         for i in range(every):
             q[i + 1, :] = q[i]
             stages = StepWork(work.vectors[1], work.vectors[5], K[i], L[i])
-            step(run, tableau, inputs, h, start + i, (q[i + 1], qd, done), stages)
+            step(work.forward, tableau, inputs, h, start + i, (q[i + 1], qd, done), stages)
+        for k in range(n):
+            if q[every, k] != qs[row + 1, k] or qd[k] != qds[row + 1, k]:
+                return row
         for i in range(every - 1, -1, -1):
-            step_back(work, tableau, inputs, h, start + i, q[i], (K[i], L[i]), (ν, ρ), λ, found[row])
+            step_back(work, tableau, inputs, h, start + i, q[i], (K[i], L[i]), λ, found[row])
+        for k in range(n):
+            λ[0, k], λ[1, k] = λ[0, k] + given[0, row, k], λ[1, k] + given[1, row, k]
+    return -1
 
 
 @recursion
-def step_back(work, tableau, inputs, h, number, q, stages, adjoints, λ, torque):
+def step_back(work, tableau, inputs, h, number, q, stages, λ, torque):
     """Take λ back from the end of a step to its start at t = number · h and angles q; add ∂J/∂T_EX to `torque` (n,)."""
     A, b, c = tableau
-    (K, L), (ν, ρ), vectors = stages, adjoints, work.vectors
+    (K, L), ν, ρ, vectors = stages, work.ν, work.ρ, work.vectors
     Q, w, κ, δ = vectors[1], vectors[2], vectors[3], vectors[4]
     for i in range(len(c)):
         for k in range(len(q)):
@@ -106,36 +95,37 @@ def step_back(work, tableau, inputs, h, number, q, stages, adjoints, λ, torque)
         for k in range(len(q)):
             Q[k] = q[k]
         for j in range(i):
-            add_scaled_row(h * A[i, j], L[j], Q)
+            add_multiple(h * A[i, j], L[j], Q)
         put_wrench(inputs.loads, (number + c[i]) * h, (number + 0.5) * h, Q, L[i], inputs.wrench)
         stage_back(work, inputs.wrench, Q, L[i], K[i], ν[i], w, κ, δ)
-        for k in range(len(q)):
-            ρ[i, k] += δ[k]
-            λ[0, k], λ[1, k], torque[k] = λ[0, k] + κ[k], λ[1, k] + ρ[i, k], torque[k] + w[k]
+        add_multiple(1.0, δ, ρ[i])
         for j in range(i):
-            add_scaled_row(h * A[i, j], ρ[i], ν[j])
-            add_scaled_row(h * A[i, j], κ, ρ[j])
-
-
-@recursion
-def add_scaled_row(weight, x, y):
-    """y += weight x; skips the many zeros of high-order tableaus."""
-    if weight != 0.0:
-        for k in range(len(y)):
-            y[k] += weight * x[k]
+            add_multiple(h * A[i, j], ρ[i], ν[j])
+            add_multiple(h * A[i, j], κ, ρ[j])
+        add_multiple(1.0, κ, λ[0])
+        add_multiple(1.0, ρ[i], λ[1])
+        add_multiple(1.0, w, torque)
 
 
 @recursion
 def stage_back(work, wrench, q, qd, qdd, ν, w, κ, δ):
     """Write w = M⁻¹ ν, κ and δ (n,)."""
-    chain = work.chain
+    hinges = work.chain.hinges
     forward_dynamics(work.nothing, q, work.vectors[0], ν, w, work.bare)
-    load_gradient(chain, wrench, q, qd, qdd, w, κ, δ, work.loads)
+    load_gradient(work.chain, wrench, q, qd, qdd, w, κ, δ, work.loads)
     for k in range(len(q)):
-        κ[k] = -κ[k] - chain.hinges[k].stiffness * w[k]
-        δ[k] = -δ[k] - friction_derivative(chain.hinges[k], qd[k]) * w[k]
+        κ[k] = -κ[k] - hinges[k].stiffness * w[k]
+        δ[k] = -δ[k] - friction_derivative(hinges[k], qd[k]) * w[k]
     if work.slopes is not None and work.slopes.act:
         find_slopes(work.slopes, q, qd)
         for k in range(len(q)):
-            add_scaled_row(-w[k], work.slopes.found[0, k], κ)
-            add_scaled_row(-w[k], work.slopes.found[1, k], δ)
+            add_multiple(-w[k], work.slopes.found[0, k], κ)
+            add_multiple(-w[k], work.slopes.found[1, k], δ)
+
+
+@recursion
+def add_multiple(x, a, b):
+    """b ← b + x a, skipped for x = 0: tableaus of high order have many zeros."""
+    if x != 0.0:
+        for k in range(len(b)):
+            b[k] += x * a[k]

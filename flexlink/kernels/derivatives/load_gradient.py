@@ -28,7 +28,7 @@ from flexlink.kernels.derivatives.inverse_derivatives import (
     outward,
 )
 from flexlink.kernels.layout import SLIDES
-from flexlink.kernels.tools.compiler import allocating, recursion
+from flexlink.kernels.tools.compiler import kernel, recursion
 from flexlink.kernels.tools.lanes import vec_of
 from flexlink.kernels.tools.records import added, keep, kept
 from flexlink.kernels.tools.sym3 import sym_apply, sym_of
@@ -46,7 +46,7 @@ class LoadGradientWork(NamedTuple):
     sums: Any  # (bodies, 18) f, n, P, L, C, g
 
 
-@allocating
+@kernel
 def load_gradient_workspace(chain):
     """Scratch of `gradient_in_space` for a chain."""
     m = len(chain.bodies)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.kernels.bodies.plane import LINK, PlanarWork, in_plane
-from flexlink.kernels.tools.compiler import allocating, recursion
+from flexlink.kernels.tools.compiler import kernel, recursion
 from flexlink.kernels.tools.lanes import vec
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.vec3 import scale, vector
@@ -30,7 +30,7 @@ class PlanarLoadGradientWork(NamedTuple):
     rows: Any  # (n, ROW)
 
 
-@allocating
+@kernel
 def planar_load_gradient_workspace(planar):
     """Scratch of `gradient_in_plane` on the scratch of forward dynamics."""
     return PlanarLoadGradientWork(planar, np.empty((len(planar.links), ROW.size)))
