@@ -81,7 +81,7 @@ def run_gradient(run: Trajectory, dq: ArrayLike | None = None, dqd: ArrayLike | 
     >>> dq = np.zeros_like(falling.q)
     >>> dq[-1] = fl.jacobian(chain, falling.q[-1]).linear[1]  # J: height of the tip at the end
     >>> print((1e3 * fl.run_gradient(falling, dq).dtau.sum(axis=0)).round(3))  # mm per N m, held for the whole run
-    [ 0.03  -0.014]
+    [0.124 0.082]
     """
     chain, scene = require_type("run", run, Trajectory).chain, require_type("run.scene", run.scene, Scene)
     inputs = input_arrays(scene, chain)

@@ -34,8 +34,6 @@ from flexlink.kernels.tools.records import added, keep, kept
 from flexlink.kernels.tools.sym3 import sym_apply, sym_of
 from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, cross, dot, scale, sub
 
-SIX = ZERO, ZERO, ZERO, ZERO, ZERO, ZERO
-
 
 class LoadGradientWork(NamedTuple):
     """Scratch of `gradient_in_space`."""
@@ -95,7 +93,7 @@ def add_up(chain, by_angle, by_rate, work):
     """Add up the sums from the tips to the base, and write both derivatives of every hinge."""
     rows, hinges, sums = work.motion.bodies, work.motion.hinges, work.sums
     for i in range(len(chain.bodies) - 1, -1, -1):
-        b, (f, n, P, L, C, g) = chain.bodies[i], kept(sums, i, SIX)
+        b, (f, n, P, L, C, g) = chain.bodies[i], kept(sums, i, (ZERO, ZERO, ZERO, ZERO, ZERO, ZERO))
         lever = sub(cross(f, vec_of(work.moved, i, 3)), g)
         for k in range(b.first, b.stop):
             e, Ω = of_hinge(hinges, k, HINGE_MOTION.e), vec_of(work.inboard, k, 0)
