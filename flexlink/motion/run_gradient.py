@@ -89,7 +89,7 @@ def run_gradient(run: Trajectory, dq: ArrayLike | None = None, dqd: ArrayLike | 
     given = np.array([_slopes("dq", dq, run.q.shape), _slopes("dqd", dqd, run.q.shape)])
     h, every, λ, dtau = scene.run.fixed_step, scene.run.steps_per_sample, given[:, -1].copy(), np.empty_like(run.q[1:])
     steps = method(scene.run.method).arrays, inputs, h, round(float(run.t[0]) / h), every
-    row = go_back(_workspace(scene, chain), *steps, (run.q, run.qd), given, λ, dtau)
+    row = go_back(workspace_for(scene, chain), *steps, (run.q, run.qd), given, λ, dtau)
     if row >= 0:
         why = f"run: sample {row + 1} does not follow from its scene; a law in Python or another machine made it"
         raise ArgumentError(f"{why}; repeat it by simulate(run.scene)", id="run-not-repeatable")
@@ -107,7 +107,7 @@ def _slopes(name: str, value: ArrayLike | None, shape: tuple[int, ...]) -> Array
     return slopes
 
 
-def _workspace(scene: Scene, chain: Chain) -> object:
+def workspace_for(scene: Scene, chain: Chain) -> object:
     """Scratch of `go_back`, with a copy of the chain that has no gravity, springs, friction and force elements."""
     arrays, hinges, bodies = chain.arrays, chain.hinges.copy(), chain.bodies.copy()
     for name in ("stiffness", "damping", "coulomb"):
