@@ -27,7 +27,7 @@ from flexlink.kernels.inputs.laws import TABLE
 from flexlink.kernels.inputs.record import Drive
 from flexlink.kernels.layout import ChainArrays, Rare
 from flexlink.kernels.tools.finite import is_finite
-from flexlink.motion.inputs.actuation import LINEAR, input_arrays
+from flexlink.motion.inputs.actuation import LINEAR, input_arrays, of_kind
 from flexlink.results.trajectory import Trajectory
 
 SUPPORTED = {"name", "about", "arm", "initial", "gravity", "air_density", "drive", "wrench", "sensor", "run"}
@@ -83,7 +83,8 @@ def run_gradient(run: Trajectory, dq: ArrayLike | None = None, dqd: ArrayLike | 
     >>> print((1e3 * fl.run_gradient(falling, dq).dtau.sum(axis=0)).round(3))  # mm per N m, held for the whole run
     [0.124 0.082]
     """
-    chain, scene = require_type("run", run, Trajectory).chain, require_type("run.scene", run.scene, Scene)
+    scene = require_type("run.scene", require_type("run", run, Trajectory).scene, Scene)
+    chain = of_kind(scene, run.chain)
     inputs = input_arrays(scene, chain)
     refuse_without_gradient(scene, chain, inputs.drive)
     given = np.array([_slopes("dq", dq, run.q.shape), _slopes("dqd", dqd, run.q.shape)])

@@ -3,6 +3,7 @@
 import dataclasses
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -171,6 +172,13 @@ def test_a_run_that_its_scene_does_not_repeat_is_refused() -> None:
     run = fl.simulate(arm(), control=lambda t, q, qd: (1.0, 0.0), rate=20_000.0)
     with refused(ArgumentError, "run-not-repeatable"):
         fl.run_gradient(run)
+
+
+def test_a_stored_run_has_the_same_gradient(tmp_path: Path) -> None:
+    pushed = fl.Wrench(times=(0.0, 1e-3), forces=((0.0, 1.0, 0.0), (0.0, 9.0, 0.0)))
+    run = fl.simulate(held(arm(wrench=pushed), np.ones((20, 2))))
+    again = fl.Trajectory.load(run.save(tmp_path / "run.npz"))
+    np.testing.assert_array_equal(fl.run_gradient(again, run.q).dtau, fl.run_gradient(run, run.q).dtau)
 
 
 def test_derivatives_of_the_wrong_shape_are_refused() -> None:
