@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from flexlink.motion.inputs.initial_state import initial_state
     from flexlink.motion.inversion import invert
     from flexlink.motion.loop.loop import loop
+    from flexlink.motion.run_gradient import run_gradient
     from flexlink.motion.sensitivity import sensitivities
     from flexlink.motion.simulate import Problem, simulate
     from flexlink.motion.simulator import Simulator
@@ -81,9 +82,9 @@ __all__ = [
     "energy", "errors", "fit", "fits", "forward_dynamics", "forward_dynamics_derivatives", "frames", "friction_torque",
     "gravity_torque", "import_urdf", "initial_state", "inverse_dynamics", "inverse_dynamics_derivatives", "invert",
     "jacobian", "linearize", "linearize_many", "load_scene", "loop", "lump", "mass_matrix", "modes", "momentum",
-    "natural_frequencies", "point_motion", "report", "sensitivities", "simulate", "simulate_many", "small_motion",
-    "solve_static", "stable_step", "strength", "sweep", "tip_position", "to_c", "to_casadi", "to_fmu", "to_mjcf",
-    "to_sdf", "to_urdf",
+    "natural_frequencies", "point_motion", "report", "run_gradient", "sensitivities", "simulate", "simulate_many",
+    "small_motion", "solve_static", "stable_step", "strength", "sweep", "tip_position", "to_c", "to_casadi", "to_fmu",
+    "to_mjcf", "to_sdf", "to_urdf",
 ]  # fmt: skip
 
 
@@ -112,7 +113,8 @@ def __getattr__(name: str) -> object:
         "motion.inputs.initial_state": ["initial_state"], "motion.loop.loop": ["loop"],
         "motion.sensitivity": ["sensitivities"], "motion.simulate": ["Problem", "simulate"],
         "motion.simulator": ["Simulator"], "motion.simulator_batch": ["SimulatorBatch"],
-        "motion.inversion": ["invert"], "results.trajectory": ["Trajectory"], "robots.flexible": ["FlexibleLink"],
+        "motion.inversion": ["invert"], "motion.run_gradient": ["run_gradient"],
+        "results.trajectory": ["Trajectory"], "robots.flexible": ["FlexibleLink"],
         "robots.importing": ["import_urdf"], "scene_report.report": ["report"], "sweeps.plan": ["Sweep"],
         "sweeps.run": ["sweep"],
     }  # fmt: skip

@@ -106,7 +106,8 @@ def sensitivities(scene: Scene, parameters: object) -> Sensitivities:
     difference from a derivative of lower order. If it exceeds 3e-6 of the largest derivative, other changes are tried,
     with five runs. With fixed steps the error is 1e-7 to 1e-9 of the largest derivative. With a tolerance it is 1e-5;
     the compared runs then have a relative tolerance of 1e-9. Errors are larger where the motion is so sensitive that
-    rounding errors grow. Errors of the run's own steps are not included.
+    rounding errors grow. Errors of the run's own steps are not included. For derivatives by many torques see
+    `run_gradient`.
 
     Parameters
     ----------

@@ -12,6 +12,7 @@ import flexlink.kernels
 from flexlink.cli.rehearsal import BY_MODES, KINDS, scene_of
 from flexlink.dynamics.accelerations import SOLVERS, solver_for
 from flexlink.motion.inputs.problem import problem_of
+from flexlink.motion.run_gradient import workspace_for
 from flexlink.motion.single_run import SingleRun
 
 
@@ -42,6 +43,8 @@ def met(scene: fl.Scene) -> Iterator[type]:
     fl.inverse_dynamics_derivatives(chain, *np.full((3, chain.n), 0.1))
     for kept in (call for name, call in vars(chain).items() if name.startswith("bound ")):
         yield from types_in(kept.kept[0])
+    if chain.shapes is None:
+        yield from types_in(workspace_for(scene, chain))
     for method in ("DOP853", "Radau5"):
         run = scene.varied({"run.method": method, "run.step": None, "run.relative_tolerance": 1e-4})
         yield from types_in(SingleRun(problem_of(run)).steps.work)

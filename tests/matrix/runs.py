@@ -179,6 +179,31 @@ def sensitivity(case: Case) -> None:
     assert error <= 1e-4 * np.abs(wanted).max()
 
 
+def gradient(case: Case) -> None:
+    """The gradient of a run matches fourth-order differences of runs along its torques, initial angles and rates."""
+    dice, times, chain = np.random.default_rng(1), case.run.t[:-1], case.run.chain
+    free = [k for k, link in enumerate(case.scene.arm.links) if not link.joint.locked]
+    tau, pull = dice.normal(size=(len(times), len(chain.active))), dice.normal(size=(2, len(times) + 1, chain.n))
+
+    def moved(tau: np.ndarray, q: np.ndarray, qd: np.ndarray) -> fl.Trajectory:
+        torques = np.zeros((len(times), len(case.scene.arm.links)))
+        torques[:, free[: tau.shape[1]]] = tau
+        drive = fl.Drive(kind="table", times=tuple(times.tolist()), torques=tuple(map(tuple, torques)), hold=True)
+        return fl.simulate(case.scene.varied({"drive": drive if tau.size else None}), q0=q, qd0=qd)
+
+    start = tau, case.run.q[0], case.run.qd[0]
+    found = fl.run_gradient(moved(*start), *pull)
+    for part, slope in enumerate((found.dtau, found.dq, found.dqd)):
+        along = dice.normal(size=slope.shape)
+
+        def changed(h: float, part: int = part, along: np.ndarray = along) -> float:
+            run = moved(*(x + h * along if k == part else x for k, x in enumerate(start)))
+            return float((pull * [run.q, run.qd]).sum())
+
+        wanted, coarse = difference(changed, 1e-3), difference(changed, 2e-3)
+        close((slope * along).sum(), wanted, 1e-7, 2 * np.abs(wanted - coarse))
+
+
 def sensors(case: Case) -> None:
     """Accelerometer and gyroscope on the last link match the motion of its end."""
     link = case.scene.arm.links[-1].name

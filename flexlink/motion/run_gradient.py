@@ -1,0 +1,150 @@
+"""run_gradient(run, dq, dqd): gradient of any function of a run's samples with respect to torques and initial state."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+from msgspec import NODEFAULT
+from msgspec.structs import fields
+from numpy.typing import ArrayLike
+
+from flexlink.chain.arguments import real_array, require_type
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.common.types import Array
+from flexlink.common.wording import short_list
+from flexlink.describe.run_settings import steps_explicitly
+from flexlink.describe.scene import Scene
+from flexlink.describe.schemes.methods import method
+from flexlink.dynamics.accelerations import solver_for
+from flexlink.dynamics.result import Result
+from flexlink.kernels.derivatives.adjoint import adjoint_workspace, go_back
+from flexlink.kernels.derivatives.load_gradient import load_gradient_workspace
+from flexlink.kernels.derivatives.planar_load_gradient import planar_load_gradient_workspace
+from flexlink.kernels.inputs.laws import TABLE
+from flexlink.kernels.inputs.record import Drive
+from flexlink.kernels.layout import ChainArrays, Rare
+from flexlink.kernels.tools.finite import is_finite
+from flexlink.motion.inputs.actuation import LINEAR, input_arrays, of_kind
+from flexlink.results.trajectory import Trajectory
+
+SUPPORTED = {"name", "about", "arm", "initial", "gravity", "air_density", "drive", "wrench", "sensor", "run"}
+"""Fields of a scene that the gradient takes into account, or that do not act on the motion; all others are refused."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class RunGradient(Result):
+    """Gradient of a function J of the samples of a run."""
+
+    dtau: Array  # ∂J/∂T_EX, (samples − 1, d) [1/(N m)]; row k: torques held from sample k to sample k + 1
+    dq: Array  # ∂J/∂q of the initial state, (n,) [1/rad]
+    dqd: Array  # ∂J/∂q̇ of the initial state, (n,) [s/rad]
+
+    def __repr__(self) -> str:
+        return f"<RunGradient: {' × '.join(map(str, self.dtau.shape))} torques>"
+
+
+def run_gradient(run: Trajectory, dq: ArrayLike | None = None, dqd: ArrayLike | None = None) -> RunGradient:
+    """Gradient of a function J of a run's samples with respect to all drive torques and the initial state.
+
+    It is the gradient of the steps themselves, exact up to rounding, by the adjoint of each step from the last to the
+    first. That takes two to four times as long as the steps, whatever the number of torques. For derivatives with
+    respect to other parameters, or of other runs, see `sensitivities`.
+
+    Parameters
+    ----------
+    run
+        A run with fixed steps of an explicit method, without a drive or with torques that are given in time, up to
+        `drive.effort`.
+    dq, dqd
+        ∂J/∂q and ∂J/∂q̇ of every sample, shape (samples, n); None: 0.
+
+    Returns
+    -------
+    RunGradient
+        `dtau`, `dq`, `dqd`: ∂J/∂T_EX of torques held from sample to sample, and ∂J/∂q and ∂J/∂q̇ at the start.
+
+    Raises
+    ------
+    ArgumentError
+        `dq` or `dqd` has the wrong shape, is not real or not finite; or the steps cannot be repeated, since a law in
+        Python or another machine made the run.
+    SceneError
+        The scene has a feature without gradient, or does not take fixed steps of an explicit method.
+
+    Examples
+    --------
+    >>> steps = fl.RunSettings(method="RK4", step=1e-4, sample=1e-3, duration=0.05)
+    >>> falling = fl.simulate(scene.varied({"drive": fl.Drive(), "run": steps}))
+    >>> dq = np.zeros_like(falling.q)
+    >>> dq[-1] = fl.jacobian(chain, falling.q[-1]).linear[1]  # J: height of the tip at the end
+    >>> print((1e3 * fl.run_gradient(falling, dq).dtau.sum(axis=0)).round(3))  # mm per N m, held for the whole run
+    [0.124 0.082]
+    """
+    scene = require_type("run.scene", require_type("run", run, Trajectory).scene, Scene)
+    chain = of_kind(scene, run.chain)
+    inputs = input_arrays(scene, chain)
+    refuse_without_gradient(scene, chain, inputs.drive)
+    given = np.array([_slopes("dq", dq, run.q.shape), _slopes("dqd", dqd, run.q.shape)])
+    h, every, λ, dtau = scene.run.fixed_step, scene.run.steps_per_sample, given[:, -1].copy(), np.empty_like(run.q[1:])
+    steps = method(scene.run.method).arrays, inputs, h, round(float(run.t[0]) / h), every
+    row = go_back(workspace_for(scene, chain), *steps, (run.q, run.qd), given, λ, dtau)
+    if row >= 0:
+        why = f"run: sample {row + 1} does not follow from its scene; a law in Python or another machine made it"
+        raise ArgumentError(f"{why}; repeat it by simulate(run.scene)", id="run-not-repeatable")
+    return RunGradient(dtau[:, chain.active], λ[0], λ[1])
+
+
+def _slopes(name: str, value: ArrayLike | None, shape: tuple[int, ...]) -> Array:
+    """∂J/∂q or ∂J/∂q̇ as a finite array of this shape, or refuse it."""
+    slopes = np.zeros(shape) if value is None else real_array(name, value, shape)
+    if slopes.shape != shape:
+        raise ArgumentError(f"{name} has shape {slopes.shape}; expected {shape}, as of run.q", id="wrong-shape")
+    if not is_finite(slopes.reshape(-1)):
+        at = np.argwhere(~np.isfinite(slopes))[0].tolist()
+        raise ArgumentError(f"{name}{at} is not finite; expected finite numbers", id="not-finite")
+    return slopes
+
+
+def workspace_for(scene: Scene, chain: Chain) -> object:
+    """Scratch of `go_back`, with a copy of the chain that has no gravity, springs, friction and force elements."""
+    arrays, hinges, bodies = chain.arrays, chain.hinges.copy(), chain.bodies.copy()
+    for name in ("stiffness", "damping", "coulomb"):
+        hinges[name] = 0.0
+    bodies["springs"] = 0
+    rare = None if arrays.rare is None else Rare(*(rows[:0].copy() for rows in arrays.rare))
+    bare = solver_for(chain, "articulated").workspace(ChainArrays(bodies, hinges, np.zeros(3), rare))
+    loads = planar_load_gradient_workspace(bare) if chain.is_planar else load_gradient_workspace(arrays)
+    forward = solver_for(chain, scene.run.solver).workspace(arrays)
+    return adjoint_workspace(arrays, forward, bare, loads, method(scene.run.method).stages)
+
+
+def refuse_without_gradient(scene: Scene, chain: Chain, drive: Drive) -> None:
+    """Refuse what the gradient does not take into account, and methods other than fixed explicit steps."""
+    if found := [*_without_gradient(scene, chain, drive)]:
+        text = f"{short_list(found)}: gradients of runs do not support it; leave it out, or use sensitivities"
+        raise SceneError(text, id="gradient-not-supported")
+    if not steps_explicitly(scene.run):
+        given = f"run.method = {scene.run.method!r}: gradients of runs need fixed steps of an explicit method"
+        raise SceneError(f"{given}; give run.step and run.method = 'RK4'", id="gradient-needs-steps")
+
+
+def _without_gradient(scene: Scene, chain: Chain, drive: Drive) -> Iterator[str]:
+    """Keys of a scene that have no gradient."""
+    for field in fields(scene):
+        default = field.default if field.default_factory is NODEFAULT else field.default_factory()
+        if field.name not in SUPPORTED and getattr(scene, field.name) != default:
+            yield field.encode_name
+    if drive.rate or drive.law != TABLE:
+        yield f"drive.kind = {scene.drive.kind!r}"
+    table = drive.feedforward.coefficients  # of a cubic spline, values between knots may exceed those at knots
+    if ((np.abs(table[:, 0]) > drive.effort) | (np.isfinite(drive.effort) & (table.shape[1] > LINEAR))).any():
+        yield "drive.effort"
+    if scene.wrench.acts and scene.wrench.frame == "tip":
+        yield "wrench.frame = 'tip'"
+    if scene.arm.base.free:
+        yield "base.kind = 'free'"
+    if chain.shapes is not None:
+        yield "link.modes"

@@ -1,0 +1,199 @@
+"""Gradients of runs agree with the tangents of an own Runge-Kutta loop over Pinocchio's derivatives of `aba`."""
+
+import dataclasses
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from msgspec.structs import fields
+from numpy.typing import NDArray
+
+import flexlink as fl
+from flexlink.describe.schemes.methods import method
+from flexlink.errors import ArgumentError, SceneError
+from flexlink.kernels.forces.elements import KINDS
+from flexlink.kernels.layout import BODY, HINGE
+from flexlink.motion.run_gradient import SUPPORTED
+from tests.conftest import flexible, make_scene
+from tests.support.words import refused
+from validation.random_arms import random_arm, random_tree
+
+Array = NDArray[np.float64]
+TURN = fl.PrescribedMotion(link="upper", times=(0.0,), angle_deg=(-60.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
+BENT = fl.InitialState(joint_deg=(-60.0, 25.0))
+
+
+def arm(**changes: Any) -> fl.Scene:
+    """Two links that bend, with rotors and friction: 40 steps, two to a sample."""
+    joint = fl.Joint(viscous=0.1, coulomb=0.3, coulomb_width=0.5, armature=0.01)
+    links = flexible("upper", "z", 3, joint=joint), flexible("fore", "z", 3, joint=fl.Joint(armature=0.02))
+    steps = fl.RunSettings(step=2.5e-5, sample=5e-5, duration=1e-3)
+    return make_scene(*links, tip=fl.RigidBody(mass=0.5), gravity=(0.0, 9.81, 0.0), initial=BENT, run=steps).varied(
+        changes
+    )
+
+
+def held(scene: fl.Scene, tau: Array, **changes: Any) -> fl.Scene:
+    """The scene with torques (m, d) of its driven joints, each held for one sample."""
+    chain, torques = fl.lump(scene), np.zeros((len(tau), len(scene.arm.links)))
+    torques[:, [chain.coordinates[k].link - 1 for k in chain.active]] = tau
+    times = scene.run.spacing * np.arange(len(tau))
+    drive = fl.Drive(kind="table", times=tuple(times.tolist()), torques=tuple(map(tuple, torques)), hold=True)
+    return scene.varied({"drive": drive if tau.size else None, **changes})
+
+
+def pinocchio_slopes(chain: fl.Chain) -> Callable[[Array, Array, Array], tuple[Array, Array, Array, Array]]:
+    """q̈, ∂q̈/∂q, ∂q̈/∂q̇ and M⁻¹ by Pinocchio, with the springs and the friction of single joints."""
+    pin = pytest.importorskip("pinocchio")
+    from flexlink.engines.pinocchio import PinocchioEngine  # noqa: PLC0415
+
+    engine = PinocchioEngine(chain)
+    at = np.ix_(engine.coordinates.order, engine.coordinates.order)
+
+    def slopes(q: Array, qd: Array, tau: Array) -> tuple[Array, Array, Array, Array]:
+        net, place = tau - engine.elastic_torque(q) - engine.friction_torque(qd), engine.coordinates.position(q)
+        state = place, engine.coordinates.rates(q, qd), engine.coordinates.torques(q, net)
+        dq, dqd, inverse = pin.computeABADerivatives(engine.model, engine.data, *state)
+        inverse = np.triu(inverse) + np.triu(inverse, 1).T
+        dry = engine.coulomb / engine.coulomb_width / np.cosh(qd / engine.coulomb_width) ** 2
+        dq, dqd, inverse = dq[at], dqd[at], inverse[at]
+        qdd = engine.coordinates.our_accelerations(q, qd, np.array(engine.data.ddq))
+        return qdd, dq - inverse * engine.stiffness, dqd - inverse * (engine.damping + dry), inverse
+
+    return slopes
+
+
+def tangents(scene: fl.Scene, tau: Array, pull: Array) -> tuple[Array, Array, Array]:
+    """∂J/∂tau, ∂J/∂q and ∂J/∂q̇ of J = Σ pull · (q, q̇), by tangents of all parameters, forward in time."""
+    chain, run, (A, b, c) = fl.lump(scene), scene.run, method(scene.run.method).arrays
+    slopes, (q, qd), n, h = pinocchio_slopes(chain), fl.initial_state(scene, chain), chain.n, scene.run.fixed_step
+    S = np.zeros((2, n, 2 * n + tau.size))
+    S[0, :, :n] = S[1, :, n : 2 * n] = np.eye(n)
+    gradient = np.einsum("ij,ijk", pull[:, 0], S)
+    for row, torque in enumerate(tau):
+        acting, by_torque = np.zeros(n), np.zeros((n, S.shape[2]))
+        acting[chain.active] = torque
+        by_torque[chain.active, 2 * n + row * len(torque) + np.arange(len(torque))] = 1.0
+        for _ in range(run.steps_per_sample):
+            K, V, dK, dV = np.zeros((4, len(c)), dtype=object)
+            for i in range(len(c)):
+                V[i], dV[i] = qd + h * A[i, :i] @ K[:i], S[1] + h * A[i, :i] @ dK[:i]
+                Q, dQ = q + h * A[i, :i] @ V[:i], S[0] + h * A[i, :i] @ dV[:i]
+                K[i], by_angle, by_rate, inverse = slopes(Q, V[i], acting)
+                dK[i] = by_angle @ dQ + by_rate @ dV[i] + inverse @ by_torque
+            q, qd, S = q + h * b @ V, qd + h * b @ K, S + h * np.array([b @ dV, b @ dK])
+        gradient += np.einsum("ij,ijk", pull[:, row + 1], S)
+    return gradient[2 * n :].reshape(tau.shape), gradient[:n], gradient[n : 2 * n]
+
+
+def check(scene: fl.Scene, seed: int = 0, tolerance: float = 1e-7) -> None:
+    """Check the gradient of a random linear function of the samples."""
+    dice, chain = np.random.default_rng(seed), fl.lump(scene)
+    m = scene.run.samples - 1
+    tau, pull = dice.normal(size=(m, len(chain.active))), dice.normal(size=(2, m + 1, chain.n))
+    driven = held(scene, tau)
+    found = fl.run_gradient(fl.simulate(driven), *pull)
+    for slope, wanted in zip((found.dtau, found.dq, found.dqd), tangents(driven, tau, pull), strict=True):
+        np.testing.assert_allclose(slope, wanted, rtol=0, atol=tolerance * np.abs(wanted).max(initial=0.0))
+
+
+@pytest.mark.parametrize("name", ["RK2", "RK3", "RK4", "DOPRI5", "DOP853", "RK10"])
+def test_gradients_of_all_explicit_methods_agree_with_tangents(name: str) -> None:
+    check(arm(**{"run.method": name}))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(25))
+@pytest.mark.parametrize("random_scene", [random_arm, random_tree])
+def test_gradients_of_random_arms_agree_with_tangents(random_scene: Callable[[int], fl.Scene], seed: int) -> None:
+    bare = {"base": None, "wrench": None, "initial.base": None, "drive": None}
+    scene = random_scene(seed).varied(bare)
+    chain = fl.lump(scene)
+    h = 0.3 * min(fl.stable_step(chain, *fl.initial_state(scene, chain)), 1e-2)
+    scene = scene.varied({"run": fl.RunSettings(method="RK4", step=h, sample=2 * h, duration=20 * h)})
+    if chain.arrays.rare is not None and any(len(rows) for rows in chain.arrays.rare):
+        pytest.skip("Pinocchio has no springs between joints")
+    check(scene, seed)
+
+
+def test_a_final_cost_has_the_gradient_of_its_closed_form() -> None:
+    """A free wheel with rotor A: q(T) = q₀ + T q̇₀ + Σ τ_k s (T − (k + ½) s) / A, with samples s apart."""
+    wheel = fl.Link(name="wheel", joint=fl.Joint(armature=2.0), hub=fl.RigidBody(mass=1.0, inertia=(1.0, 1.0, 1.0)))
+    scene = make_scene(wheel, run=fl.RunSettings(method="RK4", step=0.01, sample=0.02, duration=0.2))
+    run = fl.simulate(scene)
+    dq = np.zeros_like(run.q)
+    dq[-1] = 1.0
+    found = fl.run_gradient(run, dq)
+    left = 0.2 - 0.02 * (np.arange(10) + 0.5)
+    np.testing.assert_allclose(found.dtau[:, 0], 0.02 * left / 3.0, rtol=1e-12)
+    np.testing.assert_allclose([found.dq[0], found.dqd[0]], [1.0, 0.2], rtol=1e-12)
+
+
+@pytest.mark.slow
+def test_a_gradient_costs_less_than_six_runs() -> None:
+    driven = held(arm(**{"run.sample": 2.5e-5, "run.duration": 0.0125}), np.ones((500, 2)))
+    problem, run = fl.Problem(driven), fl.simulate(driven)
+    costs = np.full(2, np.inf)
+    for _ in range(20):
+        for k, call in enumerate((problem.simulate, lambda: fl.run_gradient(run, run.q))):
+            begun = time.process_time()
+            call()
+            costs[k] = min(costs[k], time.process_time() - begun)
+    assert costs.sum() < 6 * costs[0]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"wrench": fl.Wrench(force=(1.0, 0.0, 0.0), frame="tip")},
+        {"drive": fl.Drive(kind="pd", kp=(4.0, 2.0), kd=(0.1, 0.1), target_deg=(-60.0, 25.0))},
+        {"drive": fl.Drive(kind="constant", torque=(2.0, 0.0), effort=(1.0, 1.0))},
+        {"motion": (TURN,)},
+        {"link.fore.modes": 1},
+    ],
+)  # fmt: skip
+def test_features_without_gradient_are_refused_by_name(changes: dict[str, Any]) -> None:
+    run = fl.simulate(arm(**changes))
+    with refused(SceneError, "gradient-not-supported"):
+        fl.run_gradient(run)
+
+
+def test_other_steps_are_refused() -> None:
+    for settings in ({"run.method": "Radau5"}, {"run.step": None, "run.tolerance": 1e-4, "run.method": None}):
+        run = fl.simulate(arm(**settings))
+        with refused(SceneError, "gradient-needs-steps"):
+            fl.run_gradient(run)
+
+
+def test_a_run_that_its_scene_does_not_repeat_is_refused() -> None:
+    run = fl.simulate(arm(), control=lambda t, q, qd: (1.0, 0.0), rate=20_000.0)
+    with refused(ArgumentError, "run-not-repeatable"):
+        fl.run_gradient(run)
+
+
+def test_a_stored_run_has_the_same_gradient(tmp_path: Path) -> None:
+    pushed = fl.Wrench(times=(0.0, 1e-3), forces=((0.0, 1.0, 0.0), (0.0, 9.0, 0.0)))
+    run = fl.simulate(held(arm(wrench=pushed), np.ones((20, 2))))
+    again = fl.Trajectory.load(run.save(tmp_path / "run.npz"))
+    np.testing.assert_array_equal(fl.run_gradient(again, run.q).dtau, fl.run_gradient(run, run.q).dtau)
+
+
+def test_derivatives_of_the_wrong_shape_are_refused() -> None:
+    run = fl.simulate(arm())
+    for wrong, id in ((run.q[1:], "wrong-shape"), (run.q * np.nan, "not-finite")):
+        with refused(ArgumentError, id):
+            fl.run_gradient(run, wrong)
+
+
+def test_a_new_feature_is_refused_until_it_has_a_gradient() -> None:
+    """The adjoint knows all of these; whoever adds one adds its derivative there, or refuses it."""
+    assert {f.name for f in fields(fl.Scene)} - SUPPORTED == {"motion", "tie", "limits"}
+    assert set(KINDS) == {"couplings", "rotation", "drag", "dampers", "gyrators", "hardening"}
+    assert set(HINGE.names or ()) == {
+        "axis", "stiffness", "rest", "damping", "coulomb", "coulomb_width", "armature", "lower", "upper", "prescribed",
+    }  # fmt: skip
+    assert len(BODY.names or ()) == 14
+    assert len(dataclasses.fields(fl.Chain)) == 12
