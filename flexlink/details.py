@@ -8,14 +8,6 @@ from flexlink.describe.link import RootDamping, RootStiffness, StrainModes
 from flexlink.describe.tie import Tie, TieEnd
 
 __all__ = [
-    "BaseState",
-    "DenavitHartenberg",
-    "DriveFilter",
-    "Filter",
-    "Limits",
-    "RootDamping",
-    "RootStiffness",
-    "StrainModes",
-    "Tie",
-    "TieEnd",
-]
+    "BaseState", "DenavitHartenberg", "DriveFilter", "Filter", "Limits", "RootDamping", "RootStiffness", "StrainModes",
+    "Tie", "TieEnd",
+]  # fmt: skip

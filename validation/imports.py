@@ -71,13 +71,14 @@ class Project:
     @cached_property
     def _lazy(self) -> dict[str, dict[str, str]]:
         """Top package → public name → module from which the package loads it when it is first used."""
-        return {name: _for_type_checkers(self.files[name]) for name in self.files if "." not in name}
+        stubs = {name: self.files[name].with_suffix(".pyi") for name in self.files if "." not in name}
+        return {name: _for_type_checkers(stub) for name, stub in stubs.items() if stub.exists()}
 
 
-def _for_type_checkers(file: Path) -> dict[str, str]:
-    """Names that a package imports for type checkers only, and so loads lazily, with their modules."""
-    blocks = [node for node in ast.parse(file.read_text(encoding="utf-8")).body if _is_for_type_checkers(node)]
-    imports = [node for block in blocks for node in ast.walk(block) if isinstance(node, ast.ImportFrom) and node.module]
+def _for_type_checkers(stub: Path) -> dict[str, str]:
+    """Names that a package loads lazily, with their modules, as its stub tells type checkers."""
+    body = ast.parse(stub.read_text(encoding="utf-8")).body
+    imports = [node for node in body if isinstance(node, ast.ImportFrom) and node.module]
     return {alias.asname or alias.name: f"{node.module}.{alias.name}" for node in imports for alias in node.names}
 
 

@@ -102,7 +102,7 @@ COMMANDS = {  # arguments without the destination, the destination, and the func
     "advise": (["advise", PAPER, "--tip", "1e-3", "-o"], "arm.toml", "advise.advise"),
     "modes": (["modes", PAPER, "--plot"], "modes.png", "modes.modes"),
     "show": (["show", PAPER, "-o"], "film.html", "show.simulate"),
-    "export": (["export", PAPER, "--out"], "", "export.write_text"),
+    "export": (["export", PAPER, "--out"], "", "export.write_whole"),
     "report": (["report", PAPER, "--out"], "", "report.fl.report"),
     "fit": (["fit", TAPPED, "--out"], "", "fit.fit"),
     "fit --check": (["fit", TAPPED, "--check", "--out"], "", "fit.check_fit"),

@@ -1,6 +1,5 @@
 """What a case depends on, found in the text of modules, against what cases use when they run."""
 
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -15,13 +14,7 @@ from validation.imports import Project
 ROOT = Path(__file__).parents[2]
 
 MODULES = {
-    "lib": """
-        from typing import TYPE_CHECKING
-        if TYPE_CHECKING:
-            from lib.deep.solver import solve
-        else:
-            import lib.always
-        """,
+    "lib": "import lib.always",
     "lib.always": "",
     "lib.deep": "",
     "lib.deep.solver": "import numpy",
@@ -50,7 +43,8 @@ SOLVER = LIB | {"lib.deep", "lib.deep.solver"}
 def project(tmp_path: Path) -> Project:
     files = {name: tmp_path / f"{name}.py" for name in MODULES}
     for name, text in MODULES.items():
-        files[name].write_text(re.sub(r"(?m)^ {8}", "", text), encoding="utf-8")
+        files[name].write_text(text, encoding="utf-8")
+    (tmp_path / "lib.pyi").write_text("from lib.deep.solver import solve as solve", encoding="utf-8")
     return Project(files)
 
 

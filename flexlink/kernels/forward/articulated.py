@@ -32,11 +32,7 @@ chains side by side (`lanes`).
 
 from flexlink.kernels.forces.elements import subtract_torques
 from flexlink.kernels.forces.joint_torques import smooth_torques, subtract_dry_friction
-from flexlink.kernels.forward.articulated_branches import (
-    add_inertia_of_branch,
-    add_load_of_branch,
-    clear,
-)
+from flexlink.kernels.forward.articulated_branches import add_inertia_of_branch, add_load_of_branch, clear
 from flexlink.kernels.forward.articulated_groups import (
     add_pair,
     eliminate_along,
@@ -54,14 +50,7 @@ from flexlink.kernels.forward.articulated_groups import (
     with_bias,
 )
 from flexlink.kernels.forward.articulated_layout import GROUP, LAYOUT
-from flexlink.kernels.forward.articulated_rows import (
-    BODY_ROW,
-    HINGE_ROW,
-    RESTART,
-    THIRD_HINGE,
-    axes_of,
-    put_axes_of,
-)
+from flexlink.kernels.forward.articulated_rows import BODY_ROW, HINGE_ROW, RESTART, THIRD_HINGE, axes_of, put_axes_of
 from flexlink.kernels.forward.slides import accelerate_slides, eliminate_slides, put_slides
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 from flexlink.kernels.tools.lanes import at, put_at, put_vec_of, vec, vec_of, zero_of

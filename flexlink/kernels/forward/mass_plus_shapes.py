@@ -8,13 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.bodies.shaped_mass import (
-    ShapedMass,
-    Shapes,
-    mass_in_plane,
-    mass_in_space,
-    shaped_mass_workspace,
-)
+from flexlink.kernels.bodies.shaped_mass import ShapedMass, Shapes, mass_in_plane, mass_in_space, shaped_mass_workspace
 from flexlink.kernels.forward.mass_plus_cells import COUPLED, FACTORS, columns
 from flexlink.kernels.forward.mass_plus_plane import (
     PlanePosture,

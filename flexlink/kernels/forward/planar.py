@@ -22,10 +22,7 @@ from flexlink.kernels.tools.compiler import inlined, recursion
 from flexlink.kernels.tools.lanes import at, put_at, vec, zero_of
 from flexlink.kernels.tools.rare import rarely
 from flexlink.kernels.tools.sincos import cos_sin_all
-from flexlink.kernels.tools.vec3 import (
-    dot,
-    scale,
-)
+from flexlink.kernels.tools.vec3 import dot, scale
 
 
 @recursion

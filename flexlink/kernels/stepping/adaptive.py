@@ -23,14 +23,7 @@ from flexlink.kernels.stepping.error_norm import deflection_norm
 from flexlink.kernels.stepping.implicit import implicit_step
 from flexlink.kernels.stepping.implicit_layout import ImplicitWork
 from flexlink.kernels.stepping.runge_kutta import base_angle
-from flexlink.kernels.stepping.saturation import (
-    NEVER,
-    choose_branches,
-    ends_at_switch,
-    first_switch,
-    ranges,
-    saturates,
-)
+from flexlink.kernels.stepping.saturation import NEVER, choose_branches, ends_at_switch, first_switch, ranges, saturates
 from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, SO_FAR, STEPPER
 from flexlink.kernels.stepping.ties import accelerate, choose_laws
 from flexlink.kernels.tools.compiler import by_type, entry, inlined, recursion, shared

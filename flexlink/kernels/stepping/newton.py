@@ -24,14 +24,7 @@ so x_γ = T⁻¹ w. Without dampers the remaining effect of δM is (1 − λ²/�
 
 import math
 
-from flexlink.kernels.forward.mass_plus import (
-    displacement,
-    factor,
-    place_bodies,
-    posture_of_stage,
-    shift_cells,
-    solve,
-)
+from flexlink.kernels.forward.mass_plus import displacement, factor, place_bodies, posture_of_stage, shift_cells, solve
 from flexlink.kernels.forward.mass_plus_cells import COUPLED, FACTORS, add_products
 from flexlink.kernels.stepping.error_norm import held
 from flexlink.kernels.stepping.implicit_layout import STAGE, VECTOR, WEIGHT

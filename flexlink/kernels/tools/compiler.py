@@ -52,8 +52,7 @@ def watched(started: Callable[[], None], ended: Callable[[], None]) -> Iterator[
 _THRESHOLD = gc.get_threshold()
 # While compiling, the garbage collector runs rarely, and never a full collection: this saves an eighth of the time.
 event.register(
-    "numba:compile",
-    _Watch(lambda: gc.set_threshold(50_000, 20, 1000), lambda: gc.set_threshold(*_THRESHOLD)),
+    "numba:compile", _Watch(lambda: gc.set_threshold(50_000, 20, 1000), lambda: gc.set_threshold(*_THRESHOLD))
 )
 
 
