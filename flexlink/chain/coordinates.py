@@ -1,7 +1,5 @@
 """Three-index coordinates of joints, and joint names derived from them."""
 
-from __future__ import annotations
-
 import enum
 import functools
 from collections.abc import Iterable
@@ -42,7 +40,7 @@ class Kind(enum.Enum):
         self.first, self.names, self.place, self.springs = first, names, place, springs
         self.panel, self.own_body, self.moves = panel, own_body, moves
 
-    def at(self, link: int, segment: int = 0, axis: int = 0) -> Coordinate:
+    def at(self, link: int, segment: int = 0, axis: int = 0) -> "Coordinate":
         """Its coordinate of a link, counted from 1, at a segment; `axis`: place in `names`."""
         return Coordinate(link, segment, self.first + axis)
 

@@ -3,8 +3,6 @@
 The trapezoidal speed profile is the S-curve with unlimited jerk, so one algorithm handles both.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -19,7 +17,7 @@ class Quintic(NamedTuple):
 
     duration: float  # s
 
-    def lasting(self, duration: float) -> Quintic:
+    def lasting(self, duration: float) -> "Quintic":
         """The same shape with another duration."""
         return Quintic(duration)
 
@@ -46,7 +44,7 @@ class Ramps(NamedTuple):
         """Duration of the complete move [s]."""
         return 4 * self.jerk + 2 * self.acceleration + self.cruise
 
-    def lasting(self, duration: float) -> Ramps:
+    def lasting(self, duration: float) -> "Ramps":
         """The same shape with another duration."""
         by = duration / self.duration
         return Ramps(self.jerk * by, self.acceleration * by, self.cruise * by)

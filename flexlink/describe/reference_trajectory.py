@@ -4,8 +4,6 @@ On piece i, from knot i to the next, r = Σ_j c_ij x^j with x = t − knot_i; th
 the first knot. The first and the last piece are constant, so a trajectory starts and ends at rest.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import math
@@ -93,11 +91,11 @@ class ReferenceTrajectory:
                 c[:, k] += x * c[:, k + 1]
         return c
 
-    def delayed(self, delay: float) -> ReferenceTrajectory:
+    def delayed(self, delay: float) -> "ReferenceTrajectory":
         """The same trajectory, later by `delay` [s]."""
         return ReferenceTrajectory(self.knots + numbers("delay", delay), self.coefficients)
 
-    def shaped(self, times: ArrayLike, weights: ArrayLike) -> ReferenceTrajectory:
+    def shaped(self, times: ArrayLike, weights: ArrayLike) -> "ReferenceTrajectory":
         """Apply an input shaper: return Σ_i a_i r(t − t_i), with `times` t_i [s] and `weights` a_i of its impulses.
 
         Raises

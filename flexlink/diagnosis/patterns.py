@@ -1,7 +1,5 @@
 """Shapes of a discrepancy: predicates that describe how the numbers in a file differ from the expected numbers."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -39,7 +37,7 @@ class Discrepancy(NamedTuple):
         """Largest difference of each entry, shape (m,)."""
         return np.asarray(np.abs(self.theirs - self.ours).reshape(len(self.rows), -1).max(axis=1))
 
-    def only(self, chosen: NDArray[Any] | list[int]) -> Discrepancy:
+    def only(self, chosen: NDArray[Any] | list[int]) -> "Discrepancy":
         """Some of the entries, given by their numbers or a mask."""
         return self._replace(ours=self.ours[chosen], theirs=self.theirs[chosen], rows=self.rows[chosen])
 

@@ -4,8 +4,6 @@ Two descriptions of the same arm have equal records, except for the order of the
 point along its axis.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -88,7 +86,7 @@ class ReadBack:
         """Number of joints."""
         return len(self.names)
 
-    def in_order(self, order: Indices, bodies: Indices | None = None, **fields: Any) -> ReadBack:
+    def in_order(self, order: Indices, bodies: Indices | None = None, **fields: Any) -> "ReadBack":
         """Return the record in another order: joint k is the original joint `order[k]`, body k is body `bodies[k]`.
 
         By default, bodies follow their joints. Other `fields` are replaced.

@@ -6,8 +6,6 @@ The order p minimizes the Bayesian information criterion, n ln σ² + p ln n (Sc
 estimates. Criteria with a smaller penalty (AICc) select too high orders, which make intervals 5 to 10 % too narrow.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import math
@@ -156,7 +154,7 @@ class Block:
         """1 for samples that are used, 0 for outliers that are left out, shape (n,)."""
         return np.ones(len(self.y)) if self.left_out is None else np.where(self.left_out, 0.0, 1.0)
 
-    def with_deviation(self, σ: float | None) -> Block:
+    def with_deviation(self, σ: float | None) -> "Block":
         """The block with this standard deviation of all its noise; itself if it is None."""
         return self if σ is None else dataclasses.replace(self, σ=np.full(len(self.y), σ))
 

@@ -1,7 +1,5 @@
 """Measurements, and the model's predictions for them: recorded runs, and single measurements at rest."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import re
@@ -52,14 +50,14 @@ class Source:
     at_rest: Callable[[Scene], list[Array]] | None = None
     response: Response | None = None  # the measured frequency response, if the blocks are its real and imaginary part
     # the same data in a form whose cost has fewer minima, for the first search; None if there is none
-    rough: Source | None = None
+    rough: "Source | None" = None
 
     @property
     def is_run(self) -> bool:
         """Whether the source is a recorded run."""
         return self.at_rest is None
 
-    def first(self, part: float) -> Source:
+    def first(self, part: float) -> "Source":
         """Return the first part of a run, the fraction `part` of its samples and at least ten samples."""
         counts = [max(math.ceil(part * len(block.y)), min(10, len(block.y))) for block in self.blocks]
         blocks = tuple(

@@ -7,8 +7,6 @@ Pereyra 1973, with Kaufman's approximation of the Jacobian). A filter whitens au
 Jacobian.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
@@ -207,7 +205,7 @@ class Information(NamedTuple):
     names: tuple[str, ...]  # parameters, then gains and biases
     error: float  # norm of the error of the Jacobian
 
-    def with_(self, others: Iterable[Information]) -> Information:
+    def with_(self, others: "Iterable[Information]") -> "Information":
         """All information together; columns with the same name are the same unknown."""
         parts = [self, *others]
         names = tuple(dict.fromkeys(name for part in parts for name in part.names))

@@ -3,8 +3,6 @@
 Arrays of samples have a leading axis of members.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -136,7 +134,7 @@ class Block:
             own[:, : self.rows] = np.moveaxis(of_all[: self.rows, ..., :b], -1, 0)
         return True
 
-    def ends(self, stop: Stop) -> list[Run | Ended]:
+    def ends(self, stop: Stop) -> "list[Run | Ended]":
         """Outcome of every member."""
         for monitor, errors in zip(self.monitors, self.errors, strict=True):
             monitor.check(self.rows, self.steps, errors)

@@ -8,8 +8,6 @@ With a write-ahead log (WAL), committed rows survive a crash at any moment, and 
 The writer keeps SQLite's write lock except during a commit, so a second writer gets an error.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import re
@@ -94,7 +92,7 @@ class Store:
         found = self._db.execute(f"SELECT rows.* FROM rows LEFT JOIN checks USING (number) {where}", (first, last))
         self._db.executemany("INSERT INTO checks VALUES (?, ?)", [(row[0], _sum(row)) for row in found.fetchall()])
 
-    def __enter__(self) -> Store:
+    def __enter__(self) -> "Store":
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -120,7 +118,7 @@ class Store:
                 gone = "was removed or renamed while the sweep ran, so its rows are lost; run the sweep again"
                 raise OutputError(f"{self.path}: {gone}", id="cannot-write")
 
-    def take(self, part: Store) -> None:
+    def take(self, part: "Store") -> None:
         """Add and commit the rows of a part, and their checksums, as they are; rows that are there stay."""
         with errors_of(self.path):
             for name in ("rows", "checks"):

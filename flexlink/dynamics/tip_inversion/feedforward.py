@@ -1,7 +1,5 @@
 """Torques and joint motion with which a scene's tip follows a move, or the reason why there are none."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -29,7 +27,7 @@ class Feedforward(NamedTuple):
     times: Array
     path: TipPath
     motion: InverseMotion
-    grid: Grid
+    grid: "Grid"
     move: TipMove
     zeros: list[tuple[Complex, Complex]]
 

@@ -1,7 +1,5 @@
 """LinearModel: matrices of a linear model with the names of its signals, its poles, and its conversions."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
@@ -121,7 +119,7 @@ class LinearModel(SavedResult):
                 raise ArgumentError(why, id="infinite-response") from None
         return np.asarray(found * np.exp(-2j * np.pi * f[:, None] * self.delays)[:, :, None])
 
-    def sampled(self, rate: float, delay: float = 0.0) -> LinearModel:
+    def sampled(self, rate: float, delay: float = 0.0) -> "LinearModel":
         """Exact discrete-time model of the arm as a controller sees it that samples at a rate and holds its outputs.
 
         Parameters
@@ -162,7 +160,7 @@ class LinearModel(SavedResult):
             delays=np.zeros(len(self.y)), dt=period,
         )  # fmt: skip
 
-    def reduced(self, states: int | None = None, *, hertz: float | None = None) -> LinearModel:
+    def reduced(self, states: int | None = None, *, hertz: float | None = None) -> "LinearModel":
         """Model of the slowest states, with the static response of all others: modal truncation.
 
         Far below the frequency of the first state that is left out, the response is that of the full model: the eight
@@ -208,7 +206,7 @@ class LinearModel(SavedResult):
             x=np.zeros(len(A)), rate=W.T @ self.rate, states=names,
         )  # fmt: skip
 
-    def balanced(self, states: int) -> tuple[LinearModel, float]:
+    def balanced(self, states: int) -> "tuple[LinearModel, float]":
         """Model of the states that matter most from inputs to outputs, and the largest error of its response.
 
         Balanced singular perturbation, with the static gain kept. It leaves out states that inputs hardly excite or

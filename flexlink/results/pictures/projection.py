@@ -1,7 +1,5 @@
 """Projection of the arm into the picture: its links from far to near, a window around them, and texts beside them."""
 
-from __future__ import annotations
-
 import functools
 import math
 from typing import NamedTuple
@@ -30,7 +28,7 @@ class Window(NamedTuple):
         """The longer side [m]."""
         return max(self.right - self.left, self.top - self.bottom)
 
-    def filled(self, aspect: float) -> Window:
+    def filled(self, aspect: float) -> "Window":
         """The smallest window around this one whose height is `aspect` times its width."""
         width, height = self.right - self.left, self.top - self.bottom
         wide, tall = max(width, height / aspect), max(height, width * aspect)
