@@ -1,44 +1,23 @@
 """Common look of all figures: colour-blind safe, readable on a phone, and on light and dark pages."""
 
 import math
+from pathlib import Path
 from typing import Any
 
+from matplotlib import rc_params_from_file
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from flexlink.pages.colours import GREY, INK, PAPER
 from flexlink.pages.numbers import number
 
 WIDTH = 5.2  # in; 11.5 pt then matches the page's text in half a column of 66 rem, and 11 px on a 390 px phone
 NAMED_CURVES = 6  # largest number of curves in the legend of a panel
 
-RC: dict[str, Any] = {
-    "font.family": "DejaVu Sans",  # part of matplotlib: the same picture on every machine
-    **dict.fromkeys(
-        ("font.size", "axes.titlesize", "axes.labelsize", "xtick.labelsize", "ytick.labelsize", "legend.fontsize"), 11.5
-    ),
-    "text.parse_math": False,  # a $ in a name is a $
-    **dict.fromkeys(("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color"), INK),
-    **dict.fromkeys(("figure.facecolor", "axes.facecolor", "savefig.facecolor", "legend.facecolor"), PAPER),
-    "figure.autolayout": False,  # each figure sets its own layout
-    "figure.constrained_layout.use": False,
-    "legend.framealpha": 0.85,
-    "legend.edgecolor": GREY,
-    "legend.handlelength": 1.4,
-    "axes.grid": True,
-    "grid.color": GREY,
-    "grid.alpha": 0.35,
-    "grid.linewidth": 0.6,
-    "lines.linewidth": 1.3,
-    "lines.markersize": 5.0,
-    "path.simplify_threshold": 0.3,  # pt; a third of a line width
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "svg.fonttype": "path",  # letters as outlines: text would need fonts on the reader's machine
-    "svg.hashsalt": "flexlink",  # equal results give equal bytes
-}
+RC: dict[str, Any] = dict(
+    rc_params_from_file(Path(__file__).parent / "data" / "figures.mplstyle", use_default_template=False)
+)
 
 
 def stacked_axes(rows: int, height: float, share: bool = True) -> tuple[Figure, list[Axes]]:

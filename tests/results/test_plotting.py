@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 import flexlink as fl
+from flexlink.pages import colours, style
 from flexlink.results import plotting
 from tests.conftest import flexible, make_scene
 from tests.support.words import refused
@@ -17,6 +18,11 @@ from tests.support.words import refused
 @pytest.fixture
 def run(models) -> fl.Trajectory:
     return fl.simulate(fl.load_scene(models / "paper_fig5.toml"), duration=0.05)
+
+
+def test_figures_have_the_colours_of_pages() -> None:
+    assert (style.RC["text.color"], style.RC["figure.facecolor"]) == (colours.INK, colours.PAPER)
+    assert style.RC["grid.color"] == style.RC["legend.edgecolor"] == colours.GREY
 
 
 @pytest.mark.slow
