@@ -401,12 +401,8 @@ def unload(hinges, k):
 def derivatives_of_turn(i, m, s, I, P, G, f, n, d, loaded, work):
     """Write the derivatives at revolute hinge i, from the composite of all bodies outboard of it."""
     hinges = work.motion.hinges
-    e, δa, η = (
-        of_hinge(hinges, i, HINGE_MOTION.e),
-        of_hinge(hinges, i, HINGE_MOTION.δa),
-        of_hinge(hinges, i, HINGE_MOTION.η),
-    )
-    δω = of_hinge(hinges, i, HINGE_MOTION.δω)
+    e, δa = of_hinge(hinges, i, HINGE_MOTION.e), of_hinge(hinges, i, HINGE_MOTION.δa)
+    η, δω = of_hinge(hinges, i, HINGE_MOTION.η), of_hinge(hinges, i, HINGE_MOTION.δω)
     δF, δm = of_hinge(hinges, i, HINGE_MOTION.δF), of_hinge(hinges, i, HINGE_MOTION.δm)
     # coefficients of δa, η, δω, δF, δm in e·δn
     by_a, by_η, by_ω, by_F = cross(e, s), sym_apply(I, e), spin_transposed(G, e), cross(e, d)

@@ -136,12 +136,8 @@ def find_tangent(q, springs, tangent):
 def turn_vectors(springs, t, tangent):
     """Write e_k and A e_k of the hinges about X, Y, Z of triple t, for the angles σ (θ − θ₀)."""
     numbers, k = springs.numbers, springs.slots[t]
-    σ, c, s, φ = (
-        numbers[ROW.sense, k],
-        three(numbers, ROW.cosine, k),
-        three(numbers, ROW.sine, k),
-        three(numbers, ROW.φ, k),
-    )
+    σ, φ = numbers[ROW.sense, k], three(numbers, ROW.φ, k)
+    c, s = three(numbers, ROW.cosine, k), three(numbers, ROW.sine, k)
     Cy, Cz, Sy, Sz = c[1] * c[1] - s[1] * s[1], c[2] * c[2] - s[2] * s[2], 2.0 * σ * c[1] * s[1], 2.0 * σ * c[2] * s[2]
     for j in range(3):
         e = pick(j, (Cy * Cz, -Cy * Sz, Sy), (Sz, Cz, 0.0), Z)

@@ -74,12 +74,8 @@ def inward(base, wrench, prescribed, qdd, links, cosines, sines):
         dx, dy = -s * rx - c * ry, c * rx - s * ry
         hx, hy = -s * sx - c * sy, c * sx - s * sy
         ax, ay = -w * dy, w * dx
-        D = (
-            (at(links, k, LINK.inertia) + j + 2.0 * (dx * gx + dy * gy))
-            + dx * dx * Mxx
-            + dy * dy * Myy
-            + (2.0 * dx * dy) * Mxy
-        )
+        D = at(links, k, LINK.inertia) + j + 2.0 * (dx * gx + dy * gy)
+        D = D + dx * dx * Mxx + dy * dy * Myy + (2.0 * dx * dy) * Mxy
         Hx, Hy = hx + gx + Mxx * dx + Mxy * dy, hy + gy + Mxy * dx + Myy * dy
         n += gx * ax + gy * ay
         fx, fy = fx + (Mxx * ax + Mxy * ay), fy + (Mxy * ax + Myy * ay)

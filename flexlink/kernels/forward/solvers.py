@@ -50,16 +50,9 @@ def dense_workspace(chain, by_lu):
     """Allocate the workspace of `dense`, which solves by LU if `by_lu`, otherwise by Cholesky decomposition."""
     n = len(chain.hinges)
     return DenseWork(
-        chain,
-        by_lu,
-        rne_workspace(chain),
-        forces_of(chain),
-        composite_workspace(chain),
-        np.empty((n, n)),
-        np.empty(n),
-        np.empty(n),
-        np.empty((3, n)),
-    )
+        chain, by_lu, rne_workspace(chain), forces_of(chain), composite_workspace(chain), np.empty((n, n)), np.empty(n),
+        np.empty(n), np.empty((3, n)),
+    )  # fmt: skip
 
 
 @subroutine

@@ -205,9 +205,8 @@ def accept(h, state, work):
 @entry
 def forget(stepper):
     """Clear the memory of the last step, so the next step is treated like the first step of a run."""
-    stepper[STEPPER.last_step] = stepper[STEPPER.last_error] = stepper[STEPPER.accepted] = stepper[
-        STEPPER.contraction
-    ] = stepper[STEPPER.max_step] = stepper[STEPPER.refusal] = 0.0
+    stepper[STEPPER.last_step] = stepper[STEPPER.last_error] = stepper[STEPPER.accepted] = 0.0
+    stepper[STEPPER.contraction] = stepper[STEPPER.max_step] = stepper[STEPPER.refusal] = 0.0
 
 
 @recursion
@@ -231,11 +230,9 @@ def following(h, error, p, iterations, stepper):
     safety = SAFETY * 21.0 / (20.0 + iterations)
     error = max(error, 1e-10)
     factor = safety * error ** (-1.0 / p)
-    if stepper[STEPPER.last_step] > 0.0 and stepper[STEPPER.last_error] > 0.0:
-        factor = min(
-            factor,
-            safety * h / stepper[STEPPER.last_step] * (stepper[STEPPER.last_error] / (error * error)) ** (1.0 / p),
-        )
+    last, last_error = stepper[STEPPER.last_step], stepper[STEPPER.last_error]
+    if last > 0.0 and last_error > 0.0:
+        factor = min(factor, safety * h / last * (last_error / (error * error)) ** (1.0 / p))
     wanted = h * min(5.0, max(SHRINK, factor))
     if stepper[STEPPER.contraction] > 0.0:  # the contraction factor grows as h²
         wanted = min(wanted, h * max(1.2, math.sqrt(0.5 / stepper[STEPPER.contraction])))

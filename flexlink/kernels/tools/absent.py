@@ -69,13 +69,8 @@ def _type_of(func_ir: Any, arguments: Any, variable: Any) -> Any:
 
 
 UNUSED = {
-    "WithLifting",
-    "InlineClosureLikes",
-    "InlineInlinables",
-    "InlineOverloads",
-    "FindLiterallyCalls",
-    "LiteralUnroll",
-}
+    "WithLifting", "InlineClosureLikes", "InlineInlinables", "InlineOverloads", "FindLiterallyCalls", "LiteralUnroll",
+}  # fmt: skip
 """Passes for parts of Python that kernels do not use: `with`, functions in functions, literal arguments."""
 
 
