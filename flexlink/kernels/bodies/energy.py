@@ -9,10 +9,7 @@ from flexlink.kernels.tools.vec3 import ZERO, add, apply, apply_transposed, cros
 
 @kernel
 def energies(chain, q, qd):
-    """Return T = Σ ½ m v² + ½ ω·Iω + ½ armature q̇², V_g = −Σ m g·p_c and the energy V_e of all springs [J].
-
-    V_g is zero at the origin of frame 0.
-    """
+    """Return T = Σ ½ m v² + ½ ω·Iω + ½ armature q̇², V_g = −Σ m g·p_c and the energy V_e of all springs [J]."""
     return energies_of(chain, q, qd, forward_kinematics(chain, q), forces_of(chain))
 
 

@@ -24,7 +24,4 @@ def in_plane(chain, wrench, q, qd, qdd, tau, work):
 
 @by_type({PlanarWork: in_plane, RneWork: in_space})
 def inverse_dynamics_into(chain, wrench, q, qd, qdd, tau, work):
-    """Write the torques `tau` (n,) that produce q̈ (n,) in the state q, q̇ under gravity and the tip wrench (6,).
-
-    Returns the power m·ω of the moment on the tip [W].
-    """
+    """Write the torques `tau` (n,) for q̈ under gravity and the tip wrench (6,); returns its power m·ω [W]."""

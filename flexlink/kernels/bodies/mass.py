@@ -267,10 +267,7 @@ def mass_composite(chain, q, M):
 
 
 def mass_matrix(address, q, M):
-    """Write M by composite bodies; return whether q has n finite values and M is finite.
-
-    Records: the chain and the scratch of `composite`. `M` (n, n) is zero.
-    """
+    """Write M (n, n), initially zero; return whether q has n finite values and M is finite."""
     chain, work = records(address)
     if len(q) != len(M):
         return False

@@ -24,10 +24,7 @@ FORCE = numbered("x y", start=LINK.ux)  # F of a body; `planar` uses these colum
 
 @inlined
 def planar_rne(wrench, q, qd, qdd, tau, work):
-    """Write τ = M q̈ + T_GC (n,) to `tau`, under the tip wrench (6,), with the scratch of `planar`.
-
-    Returns the power m·ω of the moment on the tip [W].
-    """
+    """Write τ = M q̈ + T_GC (n,) under the tip wrench (6,), with the scratch of `planar`; returns its power m·ω [W]."""
     base, links, trig = work.base, work.links, work.trig
     φ = ω = 0.0
     for k in range(len(q)):

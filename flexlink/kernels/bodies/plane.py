@@ -137,10 +137,7 @@ def in_plane(base, a):
 
 @recursion
 def cos_sin_less_turns(q, links, flat, angles):
-    """Recompute cosines and sines for large angles: remove whole turns from each joint angle before summing.
-
-    `angles` is a view of `flat[0]`.
-    """
+    """Recompute cosines and sines after removing whole turns from each joint angle; `angles` is a view of `flat[0]`."""
     for k in range(len(q)):
         put_at(angles, at(q, k), k)
     less_whole_turns(flat[0])

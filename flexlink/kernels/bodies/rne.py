@@ -66,10 +66,7 @@ def rne_workspace(chain):
 
 
 def inverse_dynamics(address, wrench, q, qd, qdd, tau):
-    """Write τ = M q̈ + T_GC; return whether the state has n finite values each and τ is finite.
-
-    Records: the chain, with its gravity, and the scratch of `rne`.
-    """
+    """Write τ = M q̈ + T_GC; return whether the state has n finite values each and τ is finite."""
     chain, work = records(address)
     n = len(tau)
     if not (len(q) == n and len(qd) == n and len(qdd) == n):
@@ -98,11 +95,9 @@ def inverse_dynamics_of_many(chain, wrench, q, qd, qdd):
 
 @subroutine
 def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
-    """Write the inverse dynamics τ = M q̈ + T_GC to `tau` (n,); `gravity` (a tuple) and `wrench` (6,) are in frame 0.
+    """Write τ = M q̈ + T_GC to `tau` (n,); return the power m·ω [W]. `gravity`, a tuple, and `wrench` are in frame 0.
 
     For eight states side by side, `q` are their `Turns`, and the other state arrays have shape (…, 8).
-
-    Returns the power m·ω of the moment on the tip [W].
     """
     bodies, hinges = chain.bodies, chain.hinges
     turns, loads, forks = work

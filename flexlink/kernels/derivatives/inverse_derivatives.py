@@ -149,10 +149,7 @@ def load_slopes(chain, wrench, follower, q, qd, qdd, found):
 
 @subroutine
 def inverse_derivatives(chain, wrench, q, qd, qdd, found, work):
-    """Write the three derivatives to the arrays `found`, (n, n) each; return whether all are finite.
-
-    The scratch `work` can be reused for other states.
-    """
+    """Write the three derivatives to the arrays `found`, (n, n) each; return whether all are finite."""
     return slopes_under(chain, wrench, False, q, qd, qdd, found, work)
 
 

@@ -24,17 +24,11 @@ from flexlink.kernels.tools.finite import is_finite
     }
 )
 def derivatives_into(chain, wrench, q, qd, given, found, work):
-    """Write the derivatives with respect to q, q̇ and `given`, (n, n) each; return whether all are finite.
-
-    `given` is T_EX for forward and q̈ for inverse dynamics.
-    """
+    """Write the derivatives by q, q̇ and T_EX or, of inverse dynamics, q̈, (n, n) each; return whether all are finite."""
 
 
 def derivatives(address, wrench, q, qd, given, found):
-    """Write the derivatives to `found` (3, n, n); return whether all are finite, and n finite values given each.
-
-    Records: the chain and the scratch of `derivatives_into`.
-    """
+    """Write the derivatives to `found` (3, n, n); return whether all are finite, and n finite values given each."""
     chain, work = records(address)
     n = found.shape[1]
     if not (len(q) == n and len(qd) == n and len(given) == n and is_finite(q) and is_finite(qd) and is_finite(given)):

@@ -223,10 +223,7 @@ def beyond_hinge(rows, k, x, δa, δφ, η, δω):
 
 @kernel
 def multiply(work, weights, κ, x, product):
-    """Write (weights[0] K + weights[1] C + weights[2] M) x for x (columns, n).
-
-    `κ` (n,) contains the weighted sum of stiffness, damping and armature of each hinge.
-    """
+    """Write (weights[0] K + weights[1] C + weights[2] M) x for x (columns, n); `κ` (n,) as for `factor`."""
     weigh(work, weights[0], weights[1], weights[2])
     for column in range(len(x)):
         body_loads(work, x[column])

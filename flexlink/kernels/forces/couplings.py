@@ -83,10 +83,7 @@ def coupling_slopes(element, q, qd, by_angle, by_rate):
 
 @kernel
 def cells_of(n, rare):
-    """(n,) the first hinge of the cell of each hinge; (0,) without couplings; None for a plain chain.
-
-    A cell is a sequence of consecutive hinges whose couplings overlap.
-    """
+    """(n,) the first hinge of the cell of each hinge; (0,) without couplings; None for a plain chain."""
     if rare is None:
         return None
     couplings = rare.couplings
@@ -105,10 +102,7 @@ def cells_of(n, rare):
 
 @allocating
 def factor_springs(chain, joints):
-    """Factors of the banded K = L D Lᵀ of the given joints with springs, O(n): row i is D_i, L_{i,i−1}, L_{i,i−2}, …
-
-    `joints` is in ascending order.
-    """
+    """Factors of K = L D Lᵀ of joints with springs, in ascending order, O(n): row i is D_i, L_{i,i−1}, L_{i,i−2}, …"""
     place, width = np.full(len(chain.hinges), -1), 0
     for i in range(len(joints)):
         place[joints[i]] = i

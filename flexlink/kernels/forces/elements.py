@@ -200,10 +200,7 @@ def one_rare(rare, lane):
 
 @allocating
 def forces_side_by_side(chains):
-    """The springs of eight chains with the same hinges, without the elements of `in_motion`; None for plain chains.
-
-    The arrays of the chains have shape (8, …).
-    """
+    """The springs of eight chains (8, …) with the same hinges, without the elements of `in_motion`; None if plain."""
     if chains.rare is None:
         return None
     elements = couplings_side_by_side(chains), rotation_springs_side_by_side(chains)

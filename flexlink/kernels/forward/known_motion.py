@@ -10,10 +10,7 @@ from flexlink.kernels.tools.vec3 import ZERO, add_scaled, dot, vector
 
 @recursion
 def power_of(chain, wrench, qd, tau, rates, axes):
-    """q̇·(T_EX − T_FR) + m·ω of the tip wrench [W], without force elements; `axes` are those of the hinges in frame 0.
-
-    `rates` (n,) is scratch.
-    """
+    """q̇·(T_EX − T_FR) + m·ω [W] without force elements; `axes` are in frame 0, `rates` (n,) is scratch."""
     turning_of_tip(chain, qd, rates)
     ω, power = ZERO, 0.0
     for k in range(len(qd)):

@@ -42,10 +42,7 @@ def planar(wrench, q, qd, tau, qdd, work):
 
 @inlined
 def outward(q, qd, tau, links, angles):
-    """Store absolute angles, squared rates and T_EX − d q̇ − k (θ − θ₀) of every hinge.
-
-    Returns the angular rate of the tip, and the power of drives and viscous friction.
-    """
+    """Store absolute angles, ω², T_EX − d q̇ − k (θ − θ₀); return ω of the tip, and the power of drives and dampers."""
     φ = ω = power = zero_of(q)
     for k in range(len(q)):
         σ = at(links, k, LINK.sign)

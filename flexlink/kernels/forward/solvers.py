@@ -160,10 +160,7 @@ def _cholesky_work(chain):
 
 @kernel
 def accelerations_of_many(work, wrench, q, qd, tau):
-    """q̈ of many states (b, n) with wrenches (b, 6) for the chains of a workspace, eight states side by side.
-
-    The last group of eight is padded with copies of the last state.
-    """
+    """q̈ of many states (b, n) with wrenches (b, 6) for the chains of a workspace, eight states side by side."""
     b, n = q.shape
     qdd = np.zeros((b, n))
     state, acting = empty_lanes((4, n)), empty_lanes((6,))

@@ -153,10 +153,7 @@ def spread(chain, placed, loads, τ):
 
 
 def body_point(address, body, q, point):
-    """Write the hinge point of a body, given by its index; return whether q has n finite values.
-
-    Records: the chain and the results of `kinematics`.
-    """
+    """Write the hinge point of a body, given by its index; return whether q has n finite values."""
     chain, placed = records(address)
     if len(q) != len(placed.axes) or not is_finite(q):
         return False
@@ -168,8 +165,7 @@ def body_point(address, body, q, point):
 def jacobian(address, body, offset, q, found):
     """Write J_v and J_ω of a point to `found` (2, 3, n); return whether q has n finite values.
 
-    `body` is the body's index, `offset` (3,) the point in its frame. Records: the chain and the results of
-    `kinematics`.
+    `body` is the body's index, `offset` (3,) the point in its frame.
     """
     chain, placed = records(address)
     if len(q) != len(placed.axes) or not is_finite(q):

@@ -44,10 +44,7 @@ def model_of(models, lane):
 @shared
 @entry
 def cascade(drive, model, t, middle, q, qd, first, before, after):
-    """Write the torques and the memory of an instant to `after` (d + …,), from those of the instant `before`.
-
-    `first`: whether it is the first instant.
-    """
+    """Write torques and memory of an instant to `after` (d + …,), from the instant `before`, if it is not the `first`."""
     d, f = len(drive.joints), drive.filters.shape[1] - 1
     _feedforward(drive, model, t, middle, after)
     for i in range(d):

@@ -146,10 +146,7 @@ def pass_knots(t, knots, count):
 
 @entry
 def first_step(stepper, posture, springs, chain, state, settings, duration, bent):
-    """Set the deflection, and a first step in which q̈ moves no body by more than the tolerance of a step.
-
-    `bent` (n,) is scratch.
-    """
+    """Set the deflection, and a first step in which q̈ moves no body by more than the tolerance; `bent` is scratch."""
     absolute, part, largest = settings[0], settings[1], settings[8]
     q, qd, qdd = state[0], state[1], state[2]
     τ = min(stepper[STEPPER.inverse_ω1], duration)

@@ -38,10 +38,7 @@ def of_implicit(x, h, state, angles, rates, work):
 
 @recursion
 def of_explicit(x, h, state, angles, rates, work):
-    """Write q and q̇ at the fraction x by the polynomials of `prepare_explicit`; returns W there.
-
-    The method must have dense output.
-    """
+    """Write q and q̇ at the fraction x by the polynomials of `prepare_explicit`, if any; returns W there."""
     q, qd, done = state[0], state[1], state[3]
     once, twice, W = work.inside[0], work.inside[1], 0.0
     for k in range(len(q)):

@@ -69,10 +69,7 @@ class EmbeddedWork(NamedTuple):
 
 @recursion
 def embedded_step(t, h, inputs, state, allowed, work):
-    """Step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; returns its error [m] and 1 as the number of passes.
-
-    `allowed` is not used; implicit methods need it.
-    """
+    """Step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; returns its error [m] and 1 as the number of passes."""
     q, qd, qdd, done = state
     A, b, c, d = work.method.A, work.method.b, work.method.c, work.method.d
     K, L, power, s = work.K, work.L, work.power, len(c)

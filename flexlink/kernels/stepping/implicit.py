@@ -170,9 +170,7 @@ def likely_contraction(h, moved, stepper):
 
 @inlined
 def predict(h, work):
-    """Extrapolate K, and multipliers of ties, from the last step's polynomial; 0 in a first step, or if h² would
-    magnify stiff noise.
-    """
+    """Extrapolate K and λ from the last step's polynomial; 0 in a first step, or if h² would magnify stiff noise."""
     extrapolate(h, work.stages[STAGE.qdd], work.stages[STAGE.last_qdd], work)
     for i in range(work.stages.shape[1]):
         make_possible(work.stages[STAGE.qdd, i], work.posture)

@@ -29,10 +29,7 @@ class ImplicitMethod(NamedTuple):
 
 
 class Turning(NamedTuple):
-    """Scratch for the d joints that stop or reverse in a step. Arrays of shape (s d,) are ordered by stage.
-
-    The size of the arrays limits d.
-    """
+    """Scratch for the d joints that stop or reverse, as many as fit; arrays (s d,) are ordered by stage."""
 
     dry: Any  # all joints with dry friction, except prescribed joints
     joints: Any  # (d,)

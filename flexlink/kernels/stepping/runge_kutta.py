@@ -142,10 +142,7 @@ def step(work, tableau, inputs, h, number, state, stages):
 @shared
 @entry
 def stage(work, inputs, t, middle, q, qd, tau, qdd):
-    """Write q̈ of a stage whose drive torques `tau` (n,) are given; returns the power of non-conservative forces.
-
-    `middle` is the midpoint of the step that contains t.
-    """
+    """Write q̈ for drive torques `tau` (n,) in a step with this `middle`; returns the power of forces without potential."""
     follow(inputs.motion, t, q, qd, qdd)
     return forward_under(inputs, t, middle, q, qd, tau, qdd, work)
 

@@ -76,10 +76,7 @@ INLINED = {"forceinline": True, **RECURSION}
 
 
 def recursion(function: Callable[..., Any]) -> Any:
-    """A function for kernels that allocates no arrays and does not count references to its caller's arrays.
-
-    It cannot be called from Python.
-    """
+    """A function only for kernels that allocates no arrays and counts no references to its caller's arrays."""
     return _compile(function, **BORROWS, **ONLY_KERNELS)
 
 

@@ -177,10 +177,7 @@ NO_BITCODE = llvmlite.binding.parse_assembly("").as_bitcode()
 
 
 class DiskCache:
-    """Replacement for Numba's cache of one function: one file per signature, with checksum.
-
-    A file that is missing, incomplete or damaged is ignored: the code is compiled again.
-    """
+    """Replacement for Numba's cache of one function: one file per signature; a missing or damaged file is ignored."""
 
     warned = False  # whether the user was warned that code cannot be saved
     folder = ""
