@@ -76,7 +76,7 @@ class Project:
 
 
 def _for_type_checkers(stub: Path) -> dict[str, str]:
-    """Names that a package loads lazily, with their modules, as its stub tells type checkers."""
+    """Names that a package loads lazily, with their modules, as its stub shows."""
     body = ast.parse(stub.read_text(encoding="utf-8")).body
     imports = [node for node in body if isinstance(node, ast.ImportFrom) and node.module]
     return {alias.asname or alias.name: f"{node.module}.{alias.name}" for node in imports for alias in node.names}

@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 CONTRACTS = PROJECT["tool"]["importlinter"]["contracts"]
 BARS = {
-    "layers of imports": 10, "classes": 405, "constants": 437, "public names": 77, "files of more than 500 lines": 0,
+    "layers of imports": 10, "classes": 405, "constants": 437, "public names": 76, "files of more than 500 lines": 0,
     "functions of more than 60 lines of code": 1, "lines of contracts": 56, "lines": 67_880, "files": 420,
     "longest chain of imports": 34, "files that simulate imports": 149, "depth of simulate": 24,
 }  # fmt: skip
@@ -32,10 +32,10 @@ LOOPS = (
 CURVED = "links that are curved, twisted or warm on one side at rest"
 ADJOINT = "gradients of runs by all torques and the initial state, for arms in a plane and in space"
 RAISED = {
-    "public names": (1, "to_fmu writes an arm for simulators of whole machines"),
+    "public names": (2, f"to_fmu writes an arm for simulators of whole machines; {ADJOINT}"),
     "lines of contracts": (7, "fits, sweeps, reports, advice and robots call the library, not its kernels"),
-    "classes": (15, f"{COMPILES}; {LOOPS}; {CURVED}; FMUs; {ADJOINT}"), "constants": (13, f"{COMPILES}; {LOOPS}"),
-    "lines": (620, f"{COMPILES}; {LOOPS}"), "files": (8, LOOPS),
+    "classes": (18, f"{COMPILES}; {LOOPS}; {CURVED}; FMUs; {ADJOINT}"), "constants": (14, f"{COMPILES}; {LOOPS}"),
+    "lines": (620, f"{COMPILES}; {LOOPS}"), "files": (9, f"{LOOPS}; {ADJOINT}"),
     "files that simulate imports": (5, LOOPS),
 }  # fmt: skip
 """By how much a limit may be exceeded, and the reason."""
