@@ -136,7 +136,7 @@ def turns_of(numbers):
 
 @allocating
 def slots_of(cells, count, room):
-    """Slots (t,) of the triples, outer ones from a multiple of `room` on, and their offset in numbers from inner ones."""
+    """Slots (t,) of the triples, outer ones from a multiple of `room` on, and their offset from inner ones."""
     slots, behind = np.full(count, -1), -(-len(cells) // room) * room
     for c in range(len(cells)):
         slots[cells[c, 0]], slots[cells[c, 1]] = c, behind + c

@@ -44,7 +44,7 @@ def model_of(models, lane):
 @shared
 @entry
 def cascade(drive, model, t, middle, q, qd, first, before, after):
-    """Write torques and memory of an instant to `after` (d + …,), from the instant `before`, if it is not the `first`."""
+    """Write torques and memory of an instant to `after` (d + …,), from those `before` unless it is the `first`."""
     d, f = len(drive.joints), drive.filters.shape[1] - 1
     _feedforward(drive, model, t, middle, after)
     for i in range(d):

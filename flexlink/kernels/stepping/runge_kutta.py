@@ -142,7 +142,7 @@ def step(work, tableau, inputs, h, number, state, stages):
 @shared
 @entry
 def stage(work, inputs, t, middle, q, qd, tau, qdd):
-    """Write q̈ for drive torques `tau` (n,) in a step with this `middle`; returns the power of forces without potential."""
+    """Write q̈ for torques `tau` (n,) in a step with this `middle`; return the power of forces without potential."""
     follow(inputs.motion, t, q, qd, qdd)
     return forward_under(inputs, t, middle, q, qd, tau, qdd, work)
 
