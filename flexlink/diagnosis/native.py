@@ -1,22 +1,13 @@
 """flexlink's own dynamics with the interface of an engine."""
 
-import functools
-from collections.abc import Callable
-from typing import Any
-
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.common.versions import __version__
 from flexlink.describe.scene import Scene
 from flexlink.dynamics import accelerations, terms
-from flexlink.engines.base import Engine, Samples
+from flexlink.engines.base import Samples
 from flexlink.engines.read_back import ReadBack, of_chain
 from flexlink.motion.simulate import simulate
-
-
-def _of_chain(method: Any, function: Callable[..., Array]) -> Any:
-    """A method of `Engine` that calls this function of a chain."""
-    return functools.wraps(method)(lambda engine, *arguments, **named: function(engine.chain, *arguments, **named))
 
 
 class NativeEngine:
@@ -29,12 +20,29 @@ class NativeEngine:
         self.chain = chain.without_forces()
         self.n = chain.n
 
-    mass_matrix = _of_chain(Engine.mass_matrix, terms.mass_matrix)
-    bias_torque = _of_chain(Engine.bias_torque, terms.bias_torque)
-    gravity_torque = _of_chain(Engine.gravity_torque, terms.gravity_torque)
-    elastic_torque = _of_chain(Engine.elastic_torque, terms.elastic_torque)
-    friction_torque = _of_chain(Engine.friction_torque, terms.friction_torque)
-    forward_dynamics = _of_chain(Engine.forward_dynamics, accelerations.forward_dynamics)
+    def mass_matrix(self, q: Array) -> Array:
+        """Mass matrix M(q) by the composite-rigid-body algorithm."""
+        return terms.mass_matrix(self.chain, q)
+
+    def bias_torque(self, q: Array, qd: Array, *, tip_wrench: Array | None = None) -> Array:
+        """Torque T_GC of gravity, centrifugal and Coriolis forces by recursive Newton-Euler."""
+        return terms.bias_torque(self.chain, q, qd, tip_wrench=tip_wrench)
+
+    def gravity_torque(self, q: Array) -> Array:
+        """Gravity torque T_G by recursive Newton-Euler."""
+        return terms.gravity_torque(self.chain, q)
+
+    def elastic_torque(self, q: Array) -> Array:
+        """Torque T_FL of the springs."""
+        return terms.elastic_torque(self.chain, q)
+
+    def friction_torque(self, qd: Array) -> Array:
+        """Torque T_FR of friction."""
+        return terms.friction_torque(self.chain, qd)
+
+    def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
+        """Accelerations q̈ by the default solver of `flexlink.forward_dynamics`."""
+        return accelerations.forward_dynamics(self.chain, q, qd, tau, tip_wrench=tip_wrench)
 
     def read_back(self) -> ReadBack:
         """Record of the chain."""

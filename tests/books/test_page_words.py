@@ -67,7 +67,7 @@ def words() -> set[str]:
     found |= {name for folder in ("methods", "lumping", "shapers") for name in data_files.names(folder)}
     found |= {path.stem for path in ROOT.glob("validation/cases/*.toml")}
     found |= {*tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["optional-dependencies"]}
-    found |= {part for path in public() for part in path.split(".")}
+    found |= {part for path in (*public(), *LISTED["objects"].values()) for part in re.split("[.:]", path)}
     for thing in [*public().values(), *map(resolve_name, LISTED["objects"].values())]:
         found |= attributes_of(thing) if inspect.isclass(thing) else set()
         found |= {*inspect.signature(thing).parameters} if callable(thing) else set()

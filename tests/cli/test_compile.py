@@ -16,7 +16,7 @@ from flexlink.kernels.tools.machine_code import PARTS, families_here, here
 
 NOT_KERNELS = {
     "check_fit", "compare", "compare_trajectories", "fit", "import_urdf", "initial_state", "invert",
-    "linearize_many", "load_scene", "loop", "lump", "report", "sweep", "to_c", "to_casadi",
+    "linearize_many", "load_scene", "loop", "lump", "report", "sweep", "to_c", "to_casadi", "to_fmu",
     "to_mjcf", "to_sdf",
     "to_urdf",
 }  # fmt: skip

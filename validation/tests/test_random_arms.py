@@ -29,7 +29,7 @@ def test_random_arms_use_every_key_of_a_link() -> None:
     wanted = fields(fl.Link) | fields(fl.Joint, "joint.") | fields(fl.Mount, "mount.")
     wanted |= fields(fl.details.DenavitHartenberg, "dh.") | fields(fl.RigidBody, "end.") | {"friction.coulomb"}
     # these have separate cases and tests
-    left_out = {"drag", "modes", "shear", "stretch"}
+    left_out = {"curvature", "drag", "modes", "shear", "stretch", "thermal", "twist"}
     left_out |= {f"joint.{key}" for key in ("name", "quadratic", "hardening", "viscous_lag")}
     assert wanted - left_out <= found
 
