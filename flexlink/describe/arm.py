@@ -11,6 +11,7 @@ from flexlink.common.wording import did_you_mean, short_list, truncated
 from flexlink.describe.joint_units import Row, in_si, together
 from flexlink.describe.link import Link
 from flexlink.describe.material import BREADTHS, Material, Section
+from flexlink.describe.rest_shape import wrong_end
 from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.rigidity import Rigidity
 from flexlink.describe.spec import Spec, link_key, raise_together, to_builtin
@@ -148,10 +149,8 @@ class Arm(Spec, frozen=True):
         path = f"{self.path(k)}.rigidity = {link.rigidity!r}"
         for column in table.lacks(link.flex):
             yield Diagnostic(f"{path}: has no {column}; flex = {link.flex!r} needs it", "rigidity-table")
-        # relative tolerance for the end of the table, because the numbers in files are rounded
-        if abs(table.x[-1] - link.beam.length) > 1e-6 * link.beam.length:
-            text = f"ends at x = {table.x[-1]!r} m; the beam ends at {link.beam.length!r} m; both must be equal"
-            yield Diagnostic(f"{path}: {text}", "rigidity-table")
+        if why := wrong_end(table.x[-1], link.beam.length):
+            yield Diagnostic(f"{path}: {why}", "rigidity-table")
 
     def _wrong_drag(self, k: int, link: Link) -> Iterator[Diagnostic]:
         """Report a link with drag whose length or breadth is missing."""

@@ -14,7 +14,7 @@ from flexlink.data import documents
 from flexlink.describe.directions import Line, line_of, unit
 from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
 from flexlink.describe.material import Damping, Friction
-from flexlink.describe.rest_shape import Curvature, RestShape, RestTwist, ThermalGradient, ends, rest_shape
+from flexlink.describe.rest_shape import Curvature, RestShape, RestTwist, ThermalGradient, ends, rest_shape, wrong_end
 from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, measured_in
 
@@ -215,9 +215,8 @@ class Link(Spec, frozen=True):
             why = "a link that is curved or twisted at rest needs a length, and a material and a section, or a rigidity"
             raise SceneError(f"{given}: {why}", id="needs-another-key")
         for end in ends(self.curvature, self.twist):
-            if abs(end - length) > 1e-6 * length:  # as for a table of rigidities
-                text = f"ends at x = {end!r} m; the beam ends at {length!r} m; both must be equal"
-                raise SceneError(f"{given}: {text}", id="rigidity-table")
+            if why := wrong_end(end, length):
+                raise SceneError(f"{given}: {why}", id="rigidity-table")
 
     @property
     def rest_shape(self) -> RestShape | None:

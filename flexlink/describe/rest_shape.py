@@ -150,3 +150,9 @@ def check_rows(table: Spec, x: tuple[float, ...]) -> None:
             raise SceneError(f"x[{k}] = {here!r}: {why}", id="rigidity-table")
     if x[0] == x[1] or x[-1] == x[-2]:
         raise table._refused("x", "the ends of a beam cannot have jumps; give one row there", "rigidity-table")
+
+
+def wrong_end(end: float, length: float) -> str:
+    """Why a table does not fit a beam; "" if both end at the same place, up to rounding of the numbers in files."""
+    text = f"ends at x = {end!r} m; the beam ends at {length!r} m; both must be equal"
+    return text if abs(end - length) > 1e-6 * length else ""
