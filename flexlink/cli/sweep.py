@@ -21,7 +21,7 @@ from flexlink.common.progress import Progress, clock
 from flexlink.describe.plausibility.hints import hints
 from flexlink.sweeps.plan import Plan, Sweep, fingerprint
 from flexlink.sweeps.run import fill, preflight
-from flexlink.sweeps.store import Store, take_parts
+from flexlink.sweeps.store import store_of, take_parts
 from flexlink.sweeps.table import export, require_parquet
 from flexlink.sweeps.workers import MAX_WORKERS, pool_of
 
@@ -37,7 +37,7 @@ def run_command(options: argparse.Namespace) -> int:
     integer("--workers", options.workers, 1, MAX_WORKERS)
     if options.export == "parquet":
         require_parquet()
-    with Store(out, plan, fingerprint(plan.sweep), part=options.part, fresh=options.fresh) as store:
+    with store_of(plan)(out, plan, fingerprint(plan.sweep), part=options.part, fresh=options.fresh) as store:
         take_parts(store, options.merge)
         members, done, begun = len(store.members), store.count(), time.perf_counter()
         bar = Progress(plan.sweep.scene.name, done / max(members, 1), parts=members, what="members")
@@ -50,6 +50,10 @@ def run_command(options: argparse.Namespace) -> int:
             print_lines("warning", [f"{failed} of {members} members failed; {first}"])
         there = f", {done} stored before" if done else ""
         print(f"{plan.sweep.scene.name}: {members - done} members run in {clock(seconds)}{there}")
+        for name, *_, mean, deviation in (row[:6] for row in store.table()[1] if plan.sweep.statistics):
+            print(
+                f"{name}: no member has it" if mean is None else f"{name}: mean {mean:.6g}, deviation {deviation:.3g}"
+            )
         print(f"results: {store.path}")
         if options.export:
             place = out.with_suffix(f".{options.export}")

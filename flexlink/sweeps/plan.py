@@ -27,6 +27,7 @@ from flexlink.describe.vary import top_level_keys
 from flexlink.engines import ENGINES
 from flexlink.sweeps.measures import SweepOutput
 from flexlink.sweeps.ranges import MAX_MEMBERS, Axis, RandomDesign, grid_axis, sample_axis, together_axis
+from flexlink.sweeps.statistics import Statistics
 
 ROW_COLUMNS = ("number", "status", "reason", "warnings")
 """First columns of every table; the varied keys and the outputs follow."""
@@ -66,6 +67,8 @@ class Sweep(Spec, frozen=True):
     """A list or range of values by path; the k-th values of all lists belong together."""
     sample: RandomDesign | None = None
     """Random points."""
+    statistics: Statistics | None = None
+    """Statistics of the outputs over all members, in place of their rows."""
 
     def __repr__(self) -> str:
         return f"<Sweep of {self.scene.name!r}: {', '.join(self.keys)} → {', '.join(self.quantity)}>"
@@ -149,11 +152,17 @@ class Plan:
 
     def values(self, number: int) -> dict[str, Any]:
         """Varied values of a member, by key; the last axis changes fastest."""
-        values: dict[str, Any] = {}
+        values = {key: value for axis, k in self._at(number) for key, value in zip(axis.keys, axis.at(k), strict=True)}
+        return {key: values[key] for key in self.sweep.keys}
+
+    def places(self, number: int) -> dict[str, float]:
+        """Where each value of a member is among all values of its key, 0 ≤ u < 1."""
+        return {key: u for axis, k in self._at(number) for key, u in zip(axis.keys, axis.places(k), strict=True)}
+
+    def _at(self, number: int) -> Iterator[tuple[Axis, int]]:
         for axis in reversed(self.axes):
             number, index = divmod(number, axis.count)
-            values |= zip(axis.keys, axis.at(index), strict=True)
-        return {key: values[key] for key in self.sweep.keys}
+            yield axis, index
 
     def member(self, number: int) -> tuple[Scene, str]:
         """Scene and engine of a member."""

@@ -156,6 +156,11 @@ class Axis:
     keys: tuple[str, ...]
     count: int
     at: Callable[[int], Sequence[Any]]
+    drawn: Callable[[int], Sequence[float]] | None = None
+
+    def places(self, k: int) -> Sequence[float]:
+        """Return where the value of every key is among all its values, 0 ≤ u < 1."""
+        return self.drawn(k) if self.drawn else [k / self.count] * len(self.keys)
 
 
 def grid_axis(key: str, values: Any) -> Axis:
@@ -181,11 +186,13 @@ def sample_axis(sample: RandomDesign) -> Axis:
         raise SceneError("sample.keys: empty; specify at least one key and its spread", id="empty")
     spreads = [_spread(f"sample.keys.{key}", spread) for key, spread in sample.keys.items()]
 
-    def at(k: int) -> tuple[Any, ...]:
-        coordinates = point(sample.method, len(spreads), sample.count, sample.seed, k)
-        return tuple(value(u) for value, u in zip(spreads, coordinates, strict=True))
+    def drawn(k: int) -> list[float]:
+        return point(sample.method, len(spreads), sample.count, sample.seed, k)
 
-    return Axis(tuple(sample.keys), sample.count, at)
+    def at(k: int) -> tuple[Any, ...]:
+        return tuple(value(u) for value, u in zip(spreads, drawn(k), strict=True))
+
+    return Axis(tuple(sample.keys), sample.count, at, drawn)
 
 
 def _listed(path: str, values: Any) -> Range | list[Any]:

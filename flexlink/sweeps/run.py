@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import signal
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from itertools import islice
 from pathlib import Path
@@ -29,7 +29,8 @@ from flexlink.motion.side_by_side import Block
 from flexlink.results.record import trajectory_from_states
 from flexlink.sweeps.measures import DEFLECTION, MEASURES
 from flexlink.sweeps.plan import Plan, Sweep, fingerprint, version
-from flexlink.sweeps.store import Store, take_parts
+from flexlink.sweeps.statistics import Summary, kept
+from flexlink.sweeps.store import Store, store_of, take_parts
 from flexlink.sweeps.table import SweepRows
 from flexlink.sweeps.worker import Row, failed_row, goes_side_by_side, handshake, rows_of
 from flexlink.sweeps.workers import MAX_WORKERS, WorkerPool, pool_of
@@ -76,7 +77,7 @@ def sweep(
     Returns
     -------
     SweepRows
-        All rows.
+        All rows; if the sweep has `statistics`, a row of them for each output.
 
     Raises
     ------
@@ -110,7 +111,7 @@ def sweep(
     path = None if out is None else require_path("out", out)
     parts = [require_path("merge", file) for file in sequence("merge", merge, "path")]
     preflight(plan)
-    with Store(path, plan, fingerprint(plan.sweep), part=part, fresh=require_bool("fresh", fresh)) as store:
+    with store_of(plan)(path, plan, fingerprint(plan.sweep), part=part, fresh=require_bool("fresh", fresh)) as store:
         take_parts(store, parts)
         fill(store, pool_of(executor, count, dask, slots), progress or (lambda _: None))
         columns, rows = store.table()
@@ -129,7 +130,7 @@ def fill(
             progress(done / members)
             for rows in Execution(plan, pool, stop).rows(store.missing()):
                 store.add(rows)
-                done += len(rows)
+                done += _count(rows)
                 progress(done / members)
         if done < members:
             end = f"in {store.path}; repeat the command to continue" if store.path else "lost; specify out to save them"
@@ -170,7 +171,13 @@ MAX_WORKER_DEATHS = 3
 """Number of crashes of a worker that runs only one member, after which the member's row reports the crash."""
 
 Numbers = list[int]
-Task = Future[tuple[list[Row], float]]
+Rows = Sequence[Row | Summary]
+Task = Future[tuple[Rows, float]]
+
+
+def _count(rows: Rows) -> int:
+    """Number of members."""
+    return sum(stop - first for row in rows for first, stop in row.members)
 
 
 class Execution:
@@ -184,7 +191,7 @@ class Execution:
         self.deaths: Counter[int] = Counter()
         self.size = Block.lanes
 
-    def rows(self, missing: Iterator[int]) -> Iterator[list[Row]]:
+    def rows(self, missing: Iterator[int]) -> Iterator[Rows]:
         """Rows of the missing members, task by task, in the order of completion."""
         self._handshake()
         poll_interval = 0.2  # longest reaction time to a signal [s]
@@ -237,7 +244,7 @@ class Execution:
             future.set_exception(error)
         self.running[future] = numbers
 
-    def _answer(self, future: Task, numbers: Numbers) -> list[Row]:
+    def _answer(self, future: Task, numbers: Numbers) -> Rows:
         try:
             rows, seconds = future.result()
         except FlexlinkError:
@@ -251,11 +258,12 @@ class Execution:
             return self._after_failure(numbers, f"{type(error).__name__}: {error}")
         size = len(numbers) * TASK_SECONDS / max(seconds, 1e-6)  # number of members that take half a second
         self.size = int(min(size, 4 * len(numbers), 4096))  # grow slowly: the first task includes compilation
-        if len(rows) < len(numbers) and not self.stop.requested:  # only the worker received a signal
-            self.suspects.append(sorted({*numbers} - {row.number for row in rows}))
+        if _count(rows) < len(numbers) and not self.stop.requested:  # only the worker received a signal
+            had = {number for row in rows for first, stop in row.members for number in range(first, stop)}
+            self.suspects.append(sorted({*numbers} - had))
         return rows
 
-    def _after_death(self, numbers: Numbers) -> list[Row]:
+    def _after_death(self, numbers: Numbers) -> Rows:
         """Repeat all running tasks (they are lost) one by one, to find the member that crashes its worker."""
         lost_tasks = [numbers, *self.running.values()]
         self.running.clear()
@@ -271,10 +279,10 @@ class Execution:
             return []
         return self._after_failure(numbers, f"its worker process crashed {MAX_WORKER_DEATHS} times")
 
-    def _after_failure(self, numbers: Numbers, reason: str) -> list[Row]:
+    def _after_failure(self, numbers: Numbers, reason: str) -> Rows:
         """Repeat the task in halves until the member that fails is found."""
         if len(numbers) == 1:
-            return [failed_row(self.plan, numbers[0], reason)]
+            return kept(self.plan, [failed_row(self.plan, numbers[0], reason)])
         middle = len(numbers) // 2
         self.suspects.extendleft([numbers[middle:], numbers[:middle]])
         return []

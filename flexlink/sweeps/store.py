@@ -9,9 +9,11 @@ The writer keeps SQLite's write lock except during a commit, so a second writer 
 """
 
 import contextlib
+import itertools
 import json
 import re
 import sqlite3
+import time
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -21,7 +23,7 @@ import msgspec
 
 from flexlink.common.errors import ArgumentError, OutputError
 from flexlink.sweeps.plan import ROW_COLUMNS, Fingerprint, Plan, differences
-from flexlink.sweeps.worker import Row
+from flexlink.sweeps.statistics import Summary, decode, empty, encode, ranges, table
 
 APPLICATION_ID = 0x666C7877  # SQLite application id of sweep databases, "flxw"; other databases are not touched
 
@@ -53,15 +55,11 @@ class Store:
 
     def _open(self, identity: Fingerprint) -> None:
         run = self._db.execute
-        names = (*ROW_COLUMNS, *self.plan.sweep.keys, *self.plan.sweep.quantity)
         run("BEGIN EXCLUSIVE")  # must precede the check, because another sweep may be creating the same file
         if not _is_ours(self._db):
-            kinds = ("INTEGER PRIMARY KEY", *["TEXT NOT NULL"] * 3, *[""] * (len(names) - 4))
-            quoted = [name.replace('"', '""') for name in names]
-            columns = ", ".join(f'"{name}" {kind}' for name, kind in zip(quoted, kinds, strict=True))
             run(f"PRAGMA application_id = {APPLICATION_ID}")
             run("CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL)")
-            run(f"CREATE TABLE rows ({columns})")
+            self._create()
             run("INSERT INTO about VALUES ('identity', ?)", (json.dumps(identity, ensure_ascii=False),))
         run("COMMIT")  # before WAL, so that the file itself (not the log) identifies its owner
         run("PRAGMA journal_mode = WAL")
@@ -73,9 +71,19 @@ class Store:
         if changed:
             why = f"{self.path}: has rows of another sweep: {changed}; use another file, or start again (--fresh)"
             raise ArgumentError(why, id="rows-of-another-sweep")
-        self._check_rows(names)
+        self._check_rows()
 
-    def _check_rows(self, names: tuple[str, ...]) -> None:
+    @property
+    def _names(self) -> tuple[str, ...]:
+        return (*ROW_COLUMNS, *self.plan.sweep.keys, *self.plan.sweep.quantity)
+
+    def _create(self) -> None:
+        kinds = ("INTEGER PRIMARY KEY", *["TEXT NOT NULL"] * 3, *[""] * (len(self._names) - 4))
+        quoted = [name.replace('"', '""') for name in self._names]
+        columns = ", ".join(f'"{name}" {kind}' for name, kind in zip(quoted, kinds, strict=True))
+        self._db.execute(f"CREATE TABLE rows ({columns})")
+
+    def _check_rows(self) -> None:
         """Compare every row with its checksum; a new store, and one of an older version, gets a table of them."""
         if not self._db.execute("SELECT count(*) FROM sqlite_master WHERE name = 'checks'").fetchone()[0]:
             self._db.execute("CREATE TABLE checks (number INTEGER PRIMARY KEY, sum INTEGER NOT NULL)")
@@ -83,7 +91,7 @@ class Store:
         found = self._db.execute("SELECT rows.*, checks.sum FROM rows LEFT JOIN checks USING (number)")
         there = tuple(column[0] for column in found.description[:-1])
         changed = [n for n, *row, sum_ in found if n not in self.members or _sum((n, *row)) != sum_]
-        if changed or there != names:
+        if changed or there != self._names:
             raise ValueError(f"row {changed[0]} has changed" if changed else "other columns")
 
     def _add_checks(self, first: int, last: int) -> None:
@@ -104,7 +112,7 @@ class Store:
             self._db.rollback()
             self._db.close()
 
-    def add(self, rows: Iterable[Row]) -> None:
+    def add(self, rows: Iterable[Any]) -> None:
         """Add and commit rows of members that do not have a row yet."""
         rows = list(rows)
         lines = [(*row[:4], *map(_kept, self.plan.values(row.number).values()), *row.values) for row in rows]
@@ -114,9 +122,12 @@ class Store:
                 self._db.executemany(f"INSERT INTO rows VALUES ({marks})", lines)
                 self._add_checks(min(row.number for row in rows), max(row.number for row in rows))
                 self._commit()
-            if self.path is not None and not self.path.exists():
-                gone = "was removed or renamed while the sweep ran, so its rows are lost; run the sweep again"
-                raise OutputError(f"{self.path}: {gone}", id="cannot-write")
+            self._require_file()
+
+    def _require_file(self) -> None:
+        if self.path is not None and not self.path.exists():
+            gone = "was removed or renamed while the sweep ran, so its rows are lost; run the sweep again"
+            raise OutputError(f"{self.path}: {gone}", id="cannot-write")
 
     def take(self, part: "Store") -> None:
         """Add and commit the rows of a part, and their checksums, as they are; rows that are there stay."""
@@ -166,6 +177,92 @@ class Store:
                 path.with_name(path.name + end).unlink(missing_ok=True)
 
 
+class SummaryStore(Store):
+    """Database of the statistics of a sweep, whose members have no rows; written once a second.
+
+    summary(content, sum)                          the `Summary` of all members so far, as JSON, and its checksum
+    """
+
+    total: Summary
+    _written = 0.0
+
+    def _create(self) -> None:
+        self._db.execute("CREATE TABLE summary (content TEXT NOT NULL, sum INTEGER NOT NULL)")
+        self._db.execute("INSERT INTO summary VALUES (?, ?)", _summed(encode(empty())))
+
+    def _check_rows(self) -> None:
+        self.total = _summary_in(self._db)
+
+    def add(self, rows: Iterable[Any]) -> None:
+        """Add summaries of members that have none yet."""
+        for summary in rows:
+            self.total.add(summary)
+        if time.monotonic() - self._written > 1.0:
+            self._write()
+
+    def _write(self) -> None:
+        with errors_of(self.path, "; the same command continues from the last second"):
+            self._db.execute("UPDATE summary SET content = ?, sum = ?", _summed(encode(self.total)))
+            self._commit()
+        self._require_file()
+        self._written = time.monotonic()
+
+    def close(self) -> None:
+        """Write what was added last, and release the lock."""
+        try:
+            if hasattr(self, "total"):
+                self._write()
+        finally:
+            super().close()
+
+    def take(self, part: Store) -> None:
+        """Add and write the summary of a part, unless it was added before."""
+        assert isinstance(part, SummaryStore)
+        both = ranges([*self.total.members, *part.total.members])
+        new = sum(stop - first for first, stop in both) - self.count()
+        if new not in {0, part.count()}:
+            raise _refusal(f"{self.path}: has some members of part {part.part} already; merge into another file")
+        if new:
+            self.total.add(part.total)
+            self._write()
+
+    def missing(self) -> Iterator[int]:
+        """Numbers of the members that are not in the summary, in order."""
+        ends = [(self.members.start,) * 2, *self.total.members, (self.members.stop,) * 2]
+        for (_, stop), (first, _) in itertools.pairwise(ends):
+            yield from range(stop, first)
+
+    def count(self, status: str | None = None) -> int:
+        """Number of members in the summary; of failed ones if `status` is "failed"."""
+        done = sum(stop - first for first, stop in self.total.members)
+        failed = self.total.sums["failed",]
+        return done if status is None else failed if status == "failed" else done - failed
+
+    def failures(self) -> tuple[int, str]:
+        """Number of failed members, and the reason of the first."""
+        return self.count("failed"), "".join(f"member {number}: {reason}" for number, reason in self.total.failed)
+
+    def table(self) -> tuple[list[str], Iterator[tuple[Any, ...]]]:
+        """Names of the columns, and one row for each output."""
+        return table(self.plan, self.total)
+
+
+def store_of(plan: Plan) -> type[Store]:
+    """Kind of the database of a sweep: of rows or of statistics."""
+    return Store if plan.sweep.statistics is None else SummaryStore
+
+
+def _summed(content: str) -> tuple[str, int]:
+    return content, zlib.crc32(content.encode())
+
+
+def _summary_in(db: sqlite3.Connection) -> Summary:
+    content, sum_ = db.execute("SELECT content, sum FROM summary").fetchone()
+    if _summed(content)[1] != sum_:
+        raise ValueError("the summary has changed")
+    return decode(content)
+
+
 @contextlib.contextmanager
 def errors_of(path: Path | None, then: str = "") -> Iterator[None]:
     """Convert SQLite's errors to an OutputError in one line; `then` is appended if a database cannot be written."""
@@ -190,7 +287,10 @@ def stored(path: Path) -> tuple[Fingerprint, int]:
     """Fingerprint and number of rows of a database."""
     with errors_of(path), contextlib.closing(sqlite3.connect(path, timeout=LOCK_TIMEOUT)) as db:
         _is_ours(db)
-        return _identity(db), db.execute("SELECT count(*) FROM rows").fetchone()[0]
+        identity = _identity(db)
+        if identity.get("statistics"):
+            return identity, sum(stop - first for first, stop in _summary_in(db).members)
+        return identity, db.execute("SELECT count(*) FROM rows").fetchone()[0]
 
 
 def _identity(db: sqlite3.Connection) -> Fingerprint:
@@ -227,7 +327,7 @@ def take_parts(store: Store, files: Sequence[Path]) -> None:
     if store.part:
         raise ArgumentError(f"part = '{store.part}': merge is also given; specify only one", id="both-given")
     for part, path in _complete(store, files).items():
-        with Store(path, store.plan, store.identity, part=part) as each:
+        with type(store)(path, store.plan, store.identity, part=part) as each:
             store.take(each)
 
 

@@ -10,7 +10,6 @@ from flexlink.common.errors import imported
 from flexlink.common.notebook import html_table
 from flexlink.common.output import write_whole
 from flexlink.common.wording import plural
-from flexlink.sweeps.plan import ROW_COLUMNS
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -45,7 +44,7 @@ class SweepRows:
         return {row[0]: row[2] for row in self.rows if row[1] == "failed"}
 
     def to_pandas(self) -> Any:
-        """Return all rows as a pandas.DataFrame; the index is the number.
+        """Return all rows as a pandas.DataFrame; the index is the first column.
 
         Raises
         ------
@@ -58,7 +57,7 @@ class SweepRows:
 def frame(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> Any:
     """Return rows as a DataFrame."""
     pandas = imported("pandas", "this table needs pandas;", "pandas")
-    return pandas.DataFrame(list(rows), columns=list(columns)).set_index(ROW_COLUMNS[0])
+    return pandas.DataFrame(list(rows), columns=list(columns)).set_index(columns[0])
 
 
 def export(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:

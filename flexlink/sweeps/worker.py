@@ -20,6 +20,7 @@ from flexlink.results.stop_reasons import InterruptedRunError
 from flexlink.results.trajectory import Trajectory
 from flexlink.sweeps.measures import measured, measured_together
 from flexlink.sweeps.plan import Plan, Sweep, version
+from flexlink.sweeps.statistics import Summary, kept
 
 
 class Row(NamedTuple):
@@ -31,9 +32,14 @@ class Row(NamedTuple):
     warnings: str
     values: tuple[float | None, ...]  # outputs, in the order of `quantity`
 
+    @property
+    def members(self) -> list[tuple[int, int]]:
+        """Range [first, stop) of numbers, as of a `Summary`."""
+        return [(self.number, self.number + 1)]
 
-def rows_of(text: bytes, theirs: str, numbers: Sequence[int]) -> tuple[list[Row], float]:
-    """Compute the rows of members, and the time that they take [s]; members that a signal interrupts have no row.
+
+def rows_of(text: bytes, theirs: str, numbers: Sequence[int]) -> tuple[Sequence[Row | Summary], float]:
+    """Compute the rows of members or their summary, and the time that they take [s]; a signal leaves members out.
 
     `text` is the sweep, encoded by `msgspec.json`; `theirs` is the version of flexlink that started it.
     """
@@ -48,7 +54,7 @@ def rows_of(text: bytes, theirs: str, numbers: Sequence[int]) -> tuple[list[Row]
                 break
             ends = zip(part, _ends(plan, part, stop), strict=True)
             rows += [_row(plan, number, end) for number, end in ends if not isinstance(end, InterruptedRunError)]
-    return rows, time.perf_counter() - started
+    return kept(plan, rows), time.perf_counter() - started
 
 
 def handshake(text: bytes, theirs: str) -> None:

@@ -714,6 +714,7 @@ def test_tasks_of_vectorized_members_fill_all_lanes(monkeypatch: pytest.MonkeyPa
 
 def test_a_member_fails_after_ending_three_workers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("flexlink.sweeps.run.failed_row", lambda plan, number, reason: (number, reason))
+    monkeypatch.setattr("flexlink.sweeps.run.kept", lambda plan, rows: rows)
     deadly = execution(pool=SimpleNamespace(replace=lambda: True))
     answers = [deadly._after_death([7]) for _ in range(MAX_WORKER_DEATHS)]
     assert answers[:2] == [[], []]
