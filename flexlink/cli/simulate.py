@@ -1,4 +1,4 @@
-"""`flexlink simulate`: Simulate a scene; write samples (.npz, .csv) and plots.
+"""`flexlink simulate`: Simulate a scene; write samples (.npz, .csv, .nc, .mat) and plots.
 
 flexlink simulate models/paper_fig5.toml --plot fall.png --out fall.csv
 flexlink simulate models/paper_fig5.toml --method RK10 --step 2e-4 --duration 1

@@ -231,7 +231,8 @@ def how_to_install(what: str) -> str:
     """
     by_conda = {
         "completion": "shtab", "control": "control", "dask": "distributed", "engines": "pinocchio mujoco",
-        "report": "matplotlib jinja2", "robots": "example-robot-data", "tables": "pandas xarray", "witness": "",
+        "report": "matplotlib jinja2", "robots": "example-robot-data", "tables": "pandas xarray h5netcdf h5py",
+        "witness": "",
     }  # fmt: skip
     by_pip = f"'flexlink[{what}]'" if what in by_conda else what
     packages = by_conda.get(what, what)

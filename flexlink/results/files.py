@@ -31,6 +31,19 @@ def write(run: RunSamples, format: str, path: Path) -> None:
     if format == ".npz":
         write_archive(path, _arrays(run))
         return
+    if format == ".mat":
+        from scipy.io import savemat  # noqa: PLC0415  only for MATLAB
+
+        columns = Columns(run)
+        table = {"names": np.array(list(columns), object), "columns": np.column_stack([*columns.values()])}
+        arrays = {name: each for name, each in _arrays(run).items() if name in FOR_MATLAB}
+        savemat(path, table | arrays, appendmat=False)
+        return
+    if format == ".nc":
+        for name in ("h5netcdf", "h5py"):
+            imported(name, f"an .nc file needs {name};", "tables")
+        to_xarray(run).to_netcdf(path, engine="h5netcdf")
+        return
     rows = zip(*(column.tolist() for column in Columns(run).values()), strict=True)
     header = ",".join('"' + name.replace('"', '""') + '"' for name in Columns(run))
     with path.open("w", encoding="utf-8") as file:
@@ -75,7 +88,8 @@ def _arrays(run: RunSamples) -> dict[str, Any]:
     return found
 
 
-TRAJECTORY = (".npz", ".csv"), "a trajectory"
+TRAJECTORY = (".npz", ".csv", ".nc", ".mat"), "a trajectory"
+FOR_MATLAB = frozenset(("t", "q", "qd", "tau", "tip", "kinetic", "gravity", "elastic", "work", "imbalance", "readings"))
 
 
 def ending(path: Path, allowed: tuple[str, ...], what: str) -> str:

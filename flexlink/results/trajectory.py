@@ -94,7 +94,10 @@ class Trajectory(RunSamples):
         return Columns(self)
 
     def save(self, path: str | Path) -> Path:
-        """Write an .npz archive, which `load` restores bit for bit, or a .csv table of `columns`.
+        """Write an .npz archive, which `load` restores bit for bit, a .csv table of `columns`, or a file for others.
+
+        An .nc file is the Dataset of `to_xarray` in HDF5 (netCDF-4). A .mat file is for MATLAB: matrices of the same
+        names, and `columns`, (samples, names), with their `names`.
 
         The archive contains t, q, qd, tau, tip, kinetic, gravity, elastic, work, imbalance, tip_wrench, joints,
         warnings, warning_ids, steps, delayed, scene (TOML), chain_…, error_… and motion_… with a tolerance, and, if the
@@ -104,9 +107,11 @@ class Trajectory(RunSamples):
         Raises
         ------
         ArgumentError
-            The name does not end in .npz or .csv.
+            The name does not end in .npz, .csv, .nc or .mat.
         OutputError
             The file cannot be written.
+        MissingDependencyError
+            An .nc file needs xarray and h5netcdf.
 
         Examples
         --------
@@ -124,7 +129,7 @@ class Trajectory(RunSamples):
         Raises
         ------
         ArgumentError
-            The extension is not .npz or .csv.
+            The extension is unknown.
         """
         from flexlink.results.files import TRAJECTORY, ending, write  # noqa: PLC0415
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.io import loadmat
 
 import flexlink as fl
 from flexlink.dynamics.equilibrium import Equilibrium
@@ -244,3 +245,22 @@ def test_archives_older_than_branched_arms_apply_the_wrench_to_the_last_body(tmp
     wrench = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
     one, other = (fl.bias_torque(chain, q, qd, tip_wrench=wrench) for chain in (run.chain, again))
     np.testing.assert_array_equal(other, one)
+
+
+def test_a_file_for_matlab_has_the_matrices_and_the_named_columns(tmp_path: Path) -> None:
+    run = fl.simulate(make_scene(*TREE), method="Radau5", step=1e-3, duration=3e-3, sample=1e-3)
+    found = loadmat(run.save(tmp_path / "run.mat"))
+    for name in ("q", "qd", "tau", "tip"):
+        assert np.array_equal(found[name], getattr(run, name))
+    assert [str(name[0]) for name in found["names"][0]] == list(run.columns)
+    assert np.array_equal(found["columns"], np.column_stack([*run.columns.values()]))
+
+
+def test_an_hdf5_file_has_the_dataset_with_its_units(tmp_path: Path) -> None:
+    xarray, h5py = pytest.importorskip("xarray"), pytest.importorskip("h5py")
+    run = fl.simulate(make_scene(*TREE), method="Radau5", step=1e-3, duration=3e-3, sample=1e-3)
+    with xarray.open_dataset(run.save(tmp_path / "run.nc"), engine="h5netcdf") as found:
+        assert found.equals(run.to_xarray())
+    with h5py.File(tmp_path / "run.nc") as found:
+        assert np.array_equal(found["q"], run.q)
+        assert found["q"].attrs["units"] == "rad"
