@@ -19,6 +19,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array, Complex
 from flexlink.common.wording import plural
 from flexlink.dynamics.forces import has_potential
+from flexlink.dynamics.placement import frames
 from flexlink.pages.colours import BLUE, CYCLE, GREEN, GREY, INK, VERMILION
 from flexlink.results.convergence import resolved
 from flexlink.results.pictures.view import view_of_motion
@@ -57,6 +58,8 @@ def plot_trajectory(
     """Plot `panels` and columns of a run against time, as `Trajectory.plot` describes."""
     colours = (*CYCLE, GREY, INK)  # each curve of a legend has a different colour
     panel_height = 1.9  # [in]
+    if what in ("postures", "loads"):
+        return _along_the_arm(run, what, ax)
     shown = _chosen(run, what)
     beside = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0), "borderaxespad": 0.0} if ax is None else {}
     if ax is None:
@@ -143,6 +146,58 @@ def imbalance(panel: Axes, run: RunSamples) -> None:
     panel.plot(run.t, run.imbalance, label="E − E(0) − W", color=VERMILION)
     panel.set_ylabel("power\nbalance [J]")
     panel.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
+
+
+def _along_the_arm(run: Trajectory, what: str, ax: Axes | Sequence[Axes] | None) -> NotebookFigure:
+    """Draw `postures` or `loads` of a run, which are not curves over time."""
+    count, draw = (1, postures) if what == "postures" else (3, loads)
+    if ax is None:
+        figure = NotebookFigure(figsize=(7.2, 4.2 if count == 1 else 6.4), layout="constrained")
+        figure.suptitle(run.chain.name)
+        ax = figure.subplots(count, 1, sharex=True, squeeze=False)
+    axes = np.ravel(ax)
+    if len(axes) != count:
+        text = f"{len(axes)} axes for {plural(count, 'panel')}; give one for each, or choose panels by `what`"
+        raise ArgumentError(f"ax: {text}", id="wrong-shape")
+    draw(list(axes), run)
+    for panel in axes:
+        panel.grid(alpha=0.3)
+        panel.legend(fontsize="small")
+    drawn: NotebookFigure = axes[0].figure
+    return drawn
+
+
+def postures(axes: Sequence[Axes], run: Trajectory, count: int = 12) -> None:
+    """Draw the arm at equal intervals of time, the later the darker, and the path of its tip."""
+    chosen = np.unique(np.linspace(0, len(run.t) - 1, count).round().astype(int))
+    chain, points = run.chain, frames(run.chain, run.q[chosen]).points
+    view = view_of_motion(chain, np.broadcast_to(points[0], points.shape), points)
+    for k, (sample, each) in enumerate(zip(chosen, points, strict=True)):
+        ends = f"{run.t[sample]:.3g} s" if k in {0, len(chosen) - 1} else None
+        x, y = view.flat(as_lines(chain, each))
+        axes[0].plot(x, y, color=BLUE, alpha=0.2 + 0.8 * k / max(len(chosen) - 1, 1), label=ends)
+    axes[0].plot(*view.flat(run.tip), color=VERMILION, linewidth=0.8, label="path of the tip")
+    axes[0].set(xlabel=view.labels[0], ylabel=view.labels[1])
+    axes[0].set_aspect("equal", adjustable="datalim")
+
+
+def loads(axes: Sequence[Axes], run: Trajectory) -> None:
+    """Draw N, V and M along the arm when a moment is largest, and within which limits they are during the run."""
+    chain, found = run.chain, run.loads
+    path = [chain.loaded]
+    while parent := int(chain.bodies["parent"][path[0]]):
+        path.insert(0, parent - 1)
+    worst = int(np.linalg.norm(found.moment[:, path], axis=2).max(axis=1).argmax())
+    points = frames(chain, run.q[worst]).points[path]
+    s = np.concatenate([[0.0], np.linalg.norm(np.diff(points, axis=0), axis=1).cumsum()])
+    labels = ("N",), ("V_y", "V_z"), ("T", "M_y", "M_z")
+    for panel, names, unit in zip(axes, labels, ("N", "N", "N m"), strict=True):
+        for name in names:
+            values = getattr(found, name)[:, path]
+            (line,) = panel.plot(s, values[worst], label=f"{name} at {run.t[worst]:.4g} s")
+            panel.fill_between(s, values.min(axis=0), values.max(axis=0), color=line.get_color(), alpha=0.15)
+        panel.set_ylabel(f"{', '.join(names)} [{unit}]")
+    axes[-1].set_xlabel("distance along the arm [m]")
 
 
 @literal

@@ -325,7 +325,9 @@ class Trajectory(RunSamples):
         ----------
         what
             Panels: "joints", "springs", "base", "tip", "energy", "elastic", "balance", "drives", or names of `columns`,
-            each a panel. Default: all panels that have content.
+            each a panel. Default: all panels that have content. "postures" shows the arm at twelve times with the path
+            of its tip; "loads", three panels, the internal loads along the arm when a moment is largest, and their
+            limits during the run.
         ax
             Axes of matplotlib to draw in, one for each panel. Default: a new figure.
 

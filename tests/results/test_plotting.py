@@ -76,6 +76,23 @@ def test_chosen_panels_and_columns_are_drawn_in_this_order_into_the_axes_that_ar
             run.plot(**wrong)
 
 
+def test_postures_end_at_the_tip_and_loads_are_largest_where_the_moment_is(run: fl.Trajectory) -> None:
+    (panel,) = run.plot(what="postures").axes
+    *arms, path = panel.lines
+    assert len(arms) == len({line.get_alpha() for line in arms}) == len(run.t)  # of at most twelve
+    for arm, sample in ((arms[0], 0), (arms[-1], -1)):
+        ends = np.column_stack([arm.get_xdata(), arm.get_ydata()])
+        tip = np.array([path.get_xdata()[sample], path.get_ydata()[sample]])
+        assert np.linalg.norm(ends - tip, axis=1).min() < 1e-12
+    np.testing.assert_array_equal(path.get_xdata(), run.tip[:, 0])
+    M = run.plot(what="loads").axes[2].lines[2]
+    assert M.get_label().startswith("M_z at")
+    assert np.abs(M.get_ydata()).max() == np.abs(run.loads.M_z).max()
+    assert M.get_xdata()[-1] == pytest.approx(2.5, rel=1e-6)  # length of the arm
+    with refused(fl.errors.ArgumentError, "wrong-shape"):
+        run.plot(what="loads", ax=Figure().subplots(1, 2))
+
+
 def test_panels_without_content_are_left_out() -> None:
     rigid = make_scene(fl.Link(name="a", length=1.0), tip=fl.RigidBody(mass=1.0))
     locked = make_scene(flexible("beam", joint=fl.Joint(locked=True)), gravity=(0.0, 9.81, 0.0))
