@@ -91,10 +91,14 @@ def slopes_by_rows(model: Model, values: Sequence[Real]) -> list[Real]:
 
 def template(file: str, name: str, words: Mapping[str, str] | None = None) -> str:
     """A text of this folder with other words, and with the name of the arm in place of NAME."""
-    text = (Path(__file__).parent / file).read_text(encoding="utf-8").strip()
-    for word, meant in (words or {}).items():
-        text = text.replace(word, meant)
+    text = with_words(file, words or {})
     return re.sub("NAME_(?=[A-Z])", f"{name.upper()}_", text).replace("NAME", name)
+
+
+def with_words(file: str, words: Mapping[str, str]) -> str:
+    """A text of this folder with other words; what they mean is not replaced again."""
+    text = (Path(__file__).parent / file).read_text(encoding="utf-8").strip()
+    return re.sub("|".join(map(re.escape, words)) or "(?!)", lambda found: words[found[0]], text)
 
 
 def check_length(tape: Tape, chain: Chain) -> None:
