@@ -56,10 +56,7 @@ class Compiling(Line):
 
 @contextlib.contextmanager
 def announced() -> Iterator[None]:
-    """Announce compilations, print every Python warning in one line, and turn off NumPy's floating-point warnings.
-
-    Functions that could produce numbers beyond float64 check for them and raise errors.
-    """
+    """Announce compilations, print Python warnings in one line; without NumPy's of floats, as errors state these."""
 
     def show(message: Warning | str, *_: object) -> None:
         print(f"flexlink: warning: {' '.join(str(message).split())}", file=sys.stderr)

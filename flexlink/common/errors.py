@@ -17,10 +17,7 @@ ALSO = "; also "  # separator between two mistakes in one message
 
 
 class Diagnostic(str):
-    """A message for the user with a stable `id`, such as `"unknown-key"`, which the documentation explains.
-
-    Errors, warnings, notes and hints differ only in severity, which `flexlink` prints before the message.
-    """
+    """A message for the user, of any severity, with a stable `id`, such as `"unknown-key"`, which the site explains."""
 
     __slots__ = ("id",)
 
@@ -225,10 +222,7 @@ class InterruptedSweepError(KeyboardInterrupt):
 
 
 def how_to_install(what: str) -> str:
-    """Commands that install an extra of flexlink, or packages, separated by blanks, that have one name everywhere.
-
-    The one for conda is left out if conda-forge lacks these packages.
-    """
+    """Commands that install an extra of flexlink, or packages of one name everywhere; for conda where it has them."""
     by_conda = {
         "completion": "shtab", "control": "control", "dask": "distributed", "engines": "pinocchio mujoco",
         "report": "matplotlib jinja2", "robots": "example-robot-data", "tables": "pandas xarray h5netcdf h5py",

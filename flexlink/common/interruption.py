@@ -138,10 +138,7 @@ def _print_line(text: str) -> None:
 
 
 def is_command(arguments: Sequence[str], words: Sequence[str]) -> bool:
-    """Whether a process with these `sys.argv` and `sys.orig_argv` is the command line rather than a user's program.
-
-    While Python looks for the module to run, which imports this package, `sys.argv[0]` is "-m".
-    """
+    """Whether the process is the command line, not a user's program; `sys.argv[0]` is "-m" during Python's search."""
     program = Path(arguments[0]).stem if arguments else ""
     return program == "flexlink" or (program == "-m" and ("-m", "flexlink") in itertools.pairwise(words))
 

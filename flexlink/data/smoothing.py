@@ -24,10 +24,7 @@ AUTO = "auto"  # instead of a cutoff: the cutoff with the least generalized cros
 
 
 def best_cutoff(t: Array, y: Array) -> float:
-    """Cutoff [Hz] with the least generalized cross-validation of y (samples,) at times t [s], within 5 %.
-
-    It is at most 0.45 of the sampling rate, which exact samples of a smooth motion reach.
-    """
+    """Cutoff [Hz], at most 0.45 of the sampling rate, with the least generalized cross-validation, within 5 %."""
     length, spacing = float(t[-1] - t[0]), float(np.diff(t).max())
     highest = 0.45 / spacing
     tried = np.geomspace(min(2 / length, highest), highest, max(int(np.log(length * highest) / np.log(1.05)), 2))

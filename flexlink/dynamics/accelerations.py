@@ -208,10 +208,7 @@ def lanes_workspace(solver: solvers.Solver, chains: Sequence[Chain]) -> Any:
 
 
 def _stacked(records: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """Stack records as bytes: `np.stack` copies field by field, which takes ten times as long.
-
-    The result is read-only, like the arrays of a chain, so that kernels are compiled for one type.
-    """
+    """Read-only stack of records, as a kernel's type requires, by bytes: `np.stack` takes ten times as long."""
     whole = b"".join([record.tobytes() for record in records])
     return np.frombuffer(whole, records[0].dtype).reshape(len(records), len(records[0]))
 

@@ -54,10 +54,8 @@ def energy(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Energy:
 
     Parameters
     ----------
-    chain
-        The chain.
-    q, qd
-        Angles [rad] and rates [rad/s], shape (n,), or (b, n) for b states.
+    chain, q, qd
+        The chain; angles [rad] and rates [rad/s], shape (n,), or (b, n) for b states.
 
     Returns
     -------
@@ -110,10 +108,8 @@ def momentum(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Momentum:
 
     Parameters
     ----------
-    chain
-        The chain.
-    q, qd
-        Coordinates and rates, shape (n,), or (b, n) for b states.
+    chain, q, qd
+        The chain; coordinates and rates, shape (n,), or (b, n) for b states.
 
     Returns
     -------

@@ -62,10 +62,8 @@ def inverse_dynamics_derivatives(
 
     Parameters
     ----------
-    chain
-        The chain.
-    q, qd, qdd
-        Angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,), or (b, n) for b states.
+    chain, q, qd, qdd
+        The chain; angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,), or (b, n) for b states.
     tip_wrench, frame
         Force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", where their direction is
         constant, or of the "tip" frame, with which they turn.
@@ -128,10 +126,8 @@ def forward_dynamics_derivatives(
 
     Parameters
     ----------
-    chain
-        The chain.
-    q, qd, tau
-        Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,), or (b, n) for b states.
+    chain, q, qd, tau
+        The chain; angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,), or (b, n) for b states.
     tip_wrench, frame
         Force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", where their direction is
         constant, or of the "tip" frame, with which they turn.

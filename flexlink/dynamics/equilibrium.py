@@ -93,10 +93,9 @@ def solve_static(
 
     Parameters
     ----------
-    chain
-        The chain.
-    q
-        Initial configuration [rad], shape (n,); default: springs slack, joints at zero. Locked joints remain there.
+    chain, q
+        The chain; initial configuration [rad], shape (n,); default: springs slack, joints at zero. Locked joints remain
+        there.
     qd
         Constant rates [rad/s], shape (n,), for the relative equilibrium of a steadily rotating arm.
     tau
@@ -249,10 +248,8 @@ def buckling_loads(
 
     Parameters
     ----------
-    chain
-        The chain.
-    q
-        Configuration [rad], shape (n,); default: springs slack, joints at zero.
+    chain, q
+        The chain; configuration [rad], shape (n,); default: springs slack, joints at zero.
     tip_wrench
         Force and moment on the tip [N, N m], shape (6,), axes of frame 0.
     locked

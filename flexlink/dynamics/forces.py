@@ -33,10 +33,8 @@ def drag_torque(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:
 
     Parameters
     ----------
-    chain
-        The chain.
-    q, qd
-        Angles [rad] and rates [rad/s], shape (n,), or (b, n) for b states.
+    chain, q, qd
+        The chain; angles [rad] and rates [rad/s], shape (n,), or (b, n) for b states.
 
     Returns
     -------

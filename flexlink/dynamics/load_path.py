@@ -175,10 +175,7 @@ def follow(equations: Equations, tolerance: float) -> list[Array]:
 
 
 def _arcs(equations: Equations, tolerance: float, part: float, off: float) -> list[Array]:
-    """Return points of the path by a tangent predictor and an orthogonal corrector; `part` scales the arcs.
-
-    `off` is the largest distance between corrected and predicted point, relative to the step.
-    """
+    """Points of the path, a tangent predictor by `part` of an arc, and a corrector, at most `off` of the step away."""
     point, arc = equations.start, part * FIRST_ARC
     path, direction = [point], np.append(1.0, np.zeros(len(point) - 1))
     while point[0] < 1:

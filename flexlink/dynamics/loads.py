@@ -78,10 +78,8 @@ def internal_loads(
 
     Parameters
     ----------
-    chain
-        The chain.
-    q, qd, qdd
-        Angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,), or (b, n) for b states.
+    chain, q, qd, qdd
+        The chain; angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,), or (b, n) for b states.
     tip_wrench, frame
         Force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame.
 
@@ -120,10 +118,7 @@ def internal_loads(
 def loads_of_bodies(
     chain: Chain, q: Array, qd: Array, qdd: Array, wrench: Array, more: tuple[Array, Array] | None = None
 ) -> InternalLoads:
-    """As `internal_loads`, with a wrench (6,) in axes of frame 0; `more`: forces and moments on all bodies (bodies, 3).
-
-    The moments are about the origins of the bodies; all are in axes of frame 0.
-    """
+    """As `internal_loads`; wrench (6,), and `more` forces and moments on bodies' origins (bodies, 3), in frame 0."""
     bodies = chain.bodies
     R, p, axes, _, ω, a, α, _ = body_motion(chain, q, qd, qdd)
     with np.errstate(over="ignore", invalid="ignore"):

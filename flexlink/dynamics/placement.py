@@ -40,10 +40,8 @@ def frames(chain: Chain, q: ArrayLike) -> Frames:
 
     Parameters
     ----------
-    chain
-        The chain.
-    q
-        Angles [rad], shape (n,), or (b, n) for b states.
+    chain, q
+        The chain; angles [rad], shape (n,), or (b, n) for b states.
 
     Returns
     -------
@@ -73,10 +71,8 @@ def tip_position(chain: Chain, q: ArrayLike, *, tip: str | int | None = None) ->
 
     Parameters
     ----------
-    chain
-        The chain.
-    q
-        Angles [rad], shape (n,), or (b, n) for b states.
+    chain, q
+        The chain; angles [rad], shape (n,), or (b, n) for b states.
     tip
         Name or number of a link without child links; default: the last link, whose end is the arm's tip.
 
@@ -142,10 +138,8 @@ def jacobian(
 
     Parameters
     ----------
-    chain
-        The chain.
-    q
-        Angles [rad], shape (n,), or (b, n) for b states.
+    chain, q
+        The chain; angles [rad], shape (n,), or (b, n) for b states.
     body
         Number of the body in `chain.bodies`, as in `frames`: from 0, or backwards from −1, the tip frame.
     tip

@@ -115,11 +115,9 @@ def point_motion(
 
     Parameters
     ----------
-    chain
-        The chain.
-    q, qd, qdd
-        Angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,), or (b, n) for b states; for a simulation
-        `run.q`, `run.qd`, `run.qdd`.
+    chain, q, qd, qdd
+        The chain; angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,), or (b, n) for b states; for a
+        simulation `run.q`, `run.qd`, `run.qdd`.
     body
         Number of the body in `chain.bodies`, from 0, or backwards from −1, the tip frame. `chain.body("upper.2.z")` is
         the body that a joint or hinge moves.

@@ -15,10 +15,7 @@ from flexlink.kernels.forward.solvers import ARTICULATED, Solver
 
 
 def no_acceleration(chain: Chain, solver: Solver, wrench: Array, q: Array, qd: Array, tau: Array) -> FlexlinkError:
-    """Return the error for a state whose q̈ is not finite.
-
-    It names the joint and its angles if q̈ is not finite even at rest and without loads; otherwise these are too large.
-    """
+    """The error for a state with infinite q̈: of its joint, if also at rest without loads; or of rates or loads."""
     rest = np.zeros(chain.n)
     if np.isfinite(solver.accelerations(chain.arrays, np.zeros(6), q, rest, rest)).all():
         most = f"qd up to {np.abs(qd).max():.3g} rad/s, tau up to {np.abs(tau).max():.3g} N m"

@@ -47,11 +47,9 @@ def inverse_dynamics(
 
     Parameters
     ----------
-    chain
-        The chain.
-    q, qd, qdd
-        Angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,), or (b, n) for b states. Eight states are
-        computed at a time; the results agree with single calls up to rounding (`rounding.of_residual`).
+    chain, q, qd, qdd
+        The chain; angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,), or (b, n) for b states. Eight
+        states are computed at a time; the results agree with single calls up to rounding (`rounding.of_residual`).
     tip_wrench, frame
         Force and moment on the tip, shape (6,) [N, N m], or one row per state, (b, 6), in axes of frame 0, "world",
         or of the "tip" frame.
@@ -115,10 +113,8 @@ def bias_torque(
 
     Parameters
     ----------
-    chain
-        The chain.
-    q, qd
-        Angles [rad] and rates [rad/s], shape (n,), or (b, n) for b states.
+    chain, q, qd
+        The chain; angles [rad] and rates [rad/s], shape (n,), or (b, n) for b states.
     tip_wrench, frame
         Force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame.
 
@@ -146,10 +142,8 @@ def gravity_torque(chain: Chain, q: ArrayLike) -> Array:
 
     Parameters
     ----------
-    chain
-        The chain.
-    q
-        Angles [rad], shape (n,), or (b, n) for b states.
+    chain, q
+        The chain; angles [rad], shape (n,), or (b, n) for b states.
 
     Returns
     -------
@@ -177,10 +171,8 @@ def elastic_torque(chain: Chain, q: ArrayLike) -> Array:
 
     Parameters
     ----------
-    chain
-        The chain.
-    q
-        Angles [rad], shape (n,), or (b, n) for b states.
+    chain, q
+        The chain; angles [rad], shape (n,), or (b, n) for b states.
 
     Returns
     -------
@@ -215,10 +207,8 @@ def friction_torque(chain: Chain, qd: ArrayLike) -> Array:
 
     Parameters
     ----------
-    chain
-        The chain.
-    qd
-        Rates [rad/s], shape (n,), or (b, n) for b states.
+    chain, qd
+        The chain; rates [rad/s], shape (n,), or (b, n) for b states.
 
     Returns
     -------
@@ -253,11 +243,9 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> 
 
     Parameters
     ----------
-    chain
-        The chain.
-    q
-        Angles [rad], shape (n,), or (b, n) for b states. "composite" computes eight states at a time; the results
-        agree with single calls up to rounding (`rounding.of_mass_matrix`).
+    chain, q
+        The chain; angles [rad], shape (n,), or (b, n) for b states. "composite" computes eight states at a time; the
+        results agree with single calls up to rounding (`rounding.of_mass_matrix`).
     algorithm
         "columns", "lower", "upper": methods 1, 2, 3 of Walker & Orin (1982), as named in the paper; the first two only
         for unbranched arms without sliding joints;

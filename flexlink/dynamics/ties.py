@@ -26,18 +26,14 @@ from flexlink.kernels.inputs.record import MotionTable, no_motion
 from flexlink.kernels.stepping.tie_rows import KIND, TIE, find_rows, places_of, spring_forces
 
 Rows = NDArray[np.void]
-Ties = tuple[Rows, MotionTable]
-"""Rows, and the lengths that move."""
+Ties = tuple[Rows, MotionTable]  # rows, and the lengths that move
 CLOSED = 1e-9
 """Largest gap of a tie at the start, relative to the size of the arm, that rounding of its numbers explains."""
 PASSES = 50  # Newton steps to close the ties at the start
 
 
 def tie_rows(scene: Scene, chain: Chain) -> Ties | None:
-    """The rows of all ties of a scene on its open chain, and the lengths that move; None if it has no ties.
-
-    What ties do not allow in a scene, and ties on a part that is fixed in frame 0, are refused.
-    """
+    """The rows of all ties of a scene on its open chain, or what they do not allow is refused; None without ties."""
     if not scene.ties:
         return None
     sampled, reference = scene.drive.rate is not None, scene.drive.reference

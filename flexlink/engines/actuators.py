@@ -56,10 +56,7 @@ def taken_from_scene(ours: ReadBack, read: ReadBack) -> frozenset[str]:
 
 
 def not_compared(ours: ReadBack, read: ReadBack, order: Indices) -> str:
-    """Describe the actuators of a file if the scene has no drive to compare them with; "" if they are plain motors.
-
-    `order` lists the joints of the file in flexlink's order.
-    """
+    """Describe actuators of a file, joints in this `order`, if the scene has no drive; "" if they are plain motors."""
     if "gear" not in ours.unspecified:
         return ""
     gear, effort, actuators = read.gear[order], read.effort[order], []

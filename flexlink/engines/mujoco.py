@@ -35,10 +35,7 @@ _callback_lock = threading.Lock()  # MuJoCo has one set of callbacks per process
 
 
 class MujocoEngine(OtherProgram):
-    """A chain in MuJoCo: its `model` and `data`, and the `record` of what MuJoCo has read.
-
-    `couplings` are taken from the scene if a foreign file cannot specify them.
-    """
+    """A chain in MuJoCo; `couplings` are taken from the scene if a foreign file cannot specify them."""
 
     name, title = "mujoco", "MuJoCo"
     version: str = mujoco.__version__

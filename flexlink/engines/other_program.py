@@ -63,10 +63,7 @@ class OtherProgram(base.Engine):
         return self.forward_dynamics(q, qd, tau, tip_wrench=wrench)
 
     def run_in_steps(self, problem: InitialValueProblem) -> base.Samples:
-        """Return the samples of a run with fixed steps; a floating base is described in its initial coordinates.
-
-        After a large rotation the steps continue in new base coordinates, which the engine also receives.
-        """
+        """Samples of a run with fixed steps; the engine gets new coordinates of a base that has turned far."""
         samples = t, q, qd = base.allocate_samples(problem)
         theirs = self.coordinates
         reference = theirs.reference

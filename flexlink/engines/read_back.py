@@ -40,10 +40,7 @@ class Parts(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class ReadBack:
-    """Joints and bodies in an engine, in its order; body k is everything rigidly attached to joint k.
-
-    Arrays have one row per joint. The joints of a floating base are the first six.
-    """
+    """Joints, a floating base as the first six, and bodies in an engine; body k is everything attached to joint k."""
 
     names: tuple[str, ...]
     parents: Indices  # parent joint of each joint, −1 for the base
@@ -87,10 +84,7 @@ class ReadBack:
         return len(self.names)
 
     def in_order(self, order: Indices, bodies: Indices | None = None, **fields: Any) -> "ReadBack":
-        """Return the record in another order: joint k is the original joint `order[k]`, body k is body `bodies[k]`.
-
-        By default, bodies follow their joints. Other `fields` are replaced.
-        """
+        """The record with joint `order[k]` as joint k, bodies in their order or the joints'; `fields` are replaced."""
         bodies = order if bodies is None else bodies
         place = np.append(np.argsort(order), -1)  # the base, −1, stays −1
         of_joints = (*AXIS_FIELDS, "frames", "slides", *JOINT_FIELDS, *ACTUATOR_FIELDS)
@@ -134,10 +128,7 @@ def no_actuators(n: int) -> dict[str, Any]:
 
 
 def require_joints(joints: Sequence[tuple[str, str]]) -> None:
-    """Refuse joints other than hinges, slides and a floating base, and files without joints.
-
-    `joints` are the name of every movable joint, and its type if it is not supported, else "".
-    """
+    """Refuse a file without joints, or one with a joint of a type that is not supported: names and types, else ""."""
     for name, kind in joints:
         if kind:
             why = f"joint {name!r} has type {kind}; supported are revolute and prismatic joints and a floating base"

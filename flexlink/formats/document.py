@@ -19,10 +19,8 @@ from flexlink.describe.arm import BASE
 from flexlink.kernels.layout import SLIDES
 
 UPPER_TRIANGLE = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-ROTATION_SPRINGS = "rotation_springs"
-"""Custom attribute that lists the rotation-vector springs in a file."""
-WIDE = {"lower": "-1e9", "upper": "1e9"}
-"""Limits [rad, m] of an unlimited joint, for formats that require limits."""
+ROTATION_SPRINGS = "rotation_springs"  # custom attribute that lists the rotation-vector springs in a file
+WIDE = {"lower": "-1e9", "upper": "1e9"}  # limits [rad, m] of an unlimited joint, for formats that require limits
 
 
 class Place(NamedTuple):
@@ -158,10 +156,7 @@ def xml_joint_names(chain: Chain) -> list[str]:
 
 
 def xml_link_names(chain: Chain) -> list[str]:
-    """Return names of the base, of the frame moved by each coordinate, and of the tips: 1 + n + number of tips.
-
-    All coordinates of a floating base move the base. The arm's tip is last.
-    """
+    """Names of the base, of the frame that each coordinate moves, that of a floating base for six, and of the tips."""
     own, moved = base_joints(chain), moved_links(chain, xml_joint_names(chain))
     base, tip, *names = unique(["base_link", "tip", *moved, *other_ends(chain, moved)])
     return [base] * (1 + own) + names + [tip]

@@ -1,7 +1,4 @@
-"""Table of features that each format cannot represent, and check for these features in a scene.
-
-All formats represent everything else, such as bodies, placements, axes, viscous damping and names.
-"""
+"""Table of features that a format cannot represent, and check for them in a scene; every format has all others."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path

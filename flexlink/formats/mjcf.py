@@ -61,10 +61,8 @@ def to_mjcf(
 
     Parameters
     ----------
-    chain
-        The chain.
-    shapes
-        Whether to write capsules for viewers, without mass and contact.
+    chain, shapes
+        The chain, and whether to write capsules for viewers, without mass and contact.
     initial
         q and q̇ of the keyframe `initial`, shape (n,) each [rad, rad/s; m, m/s]; None: no keyframe.
     timestep

@@ -114,10 +114,7 @@ def read(
     text: str | bytes, what: str, *, tag: str, to_chain: Callable[[Node], Chain], write: Callable[..., str],
     ignored: frozenset[str],
 ) -> Chain:  # fmt: skip
-    """Parse the text, build the chain, write it again and compare.
-
-    `ignored` lists elements and attributes ("element.attribute") that are not part of the chain.
-    """
+    """Parse the text, build the chain, write it again and compare; `ignored`: what is not part of the chain."""
     root = Node(parse(text, what), what)
     if root.element.tag != tag:
         raise root.error(f"<{root.element.tag[:60]}>: expected <{tag}>")
@@ -168,8 +165,7 @@ def _label(element: ET.Element) -> str:
     return f"<{plain(element.tag)[:60]}{'' if name is None else f' name={name[:60]!r}'}>"
 
 
-Mass = tuple[float, Array, Array]
-"""Mass [kg], centre [m] and inertia [kg m²]."""
+Mass = tuple[float, Array, Array]  # mass [kg], centre [m] and inertia [kg m²]
 
 
 class Hinge(NamedTuple):

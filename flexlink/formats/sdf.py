@@ -40,10 +40,8 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
 
     Parameters
     ----------
-    chain
-        The chain.
-    shapes
-        Whether to write capsules for viewers, without mass and contact.
+    chain, shapes
+        The chain, and whether to write capsules for viewers, without mass and contact.
 
     Returns
     -------
@@ -96,10 +94,7 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
 
 
 def sdf_names(chain: Chain) -> list[str]:
-    """Return unique names of model, joints, links and tips, without "::" and reserved words.
-
-    Drake adds a frame `…_child` to every joint. All joints of a floating base share the link name of the base.
-    """
+    """Unique names of model, joints, links and tips, without "::", reserved words and Drake's frames `…_child`."""
     plain = [_allowed(valid(name)) for name in (chain.name, *chain.joint_names)]
     joints, own = unique(["world", "", *plain[1:]])[2:], document.base_joints(chain)
     children = [f"{name}_child" for name in joints]

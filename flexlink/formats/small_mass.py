@@ -19,10 +19,7 @@ from flexlink.formats.document import base_joints
 
 
 def with_small_mass(chain: Chain, *, mass: float) -> Chain:
-    """Return the chain with a body at every hinge; massless bodies are given the mass m and the inertia m r².
-
-    The coordinates are the same; `added_inertia` bounds the change of the motion.
-    """
+    """The chain with bodies of mass m and inertia m r² at hinges without; see `added_inertia` for the change."""
     if require_type("chain", chain, Chain).has_rotation_springs:
         text = "rotation-vector springs do not allow masses between their hinges; use a lumping rule with springs = "
         text += "'angles', for example gauss, or no small mass"
@@ -45,10 +42,7 @@ def added_inertia(chain: Chain, q: ArrayLike, *, mass: float) -> float:
 
 
 def _filled(chain: Chain, mass: float, *, keep: bool) -> Chain:
-    """Return the chain with a body at every hinge and small masses in massless bodies; `keep` keeps all other masses.
-
-    The two bodies of a floating base are unchanged, because they are one joint in files.
-    """
+    """The chain with a body at every hinge and small masses in massless bodies; a floating base remains one joint."""
     radius = 0.1  # radius of gyration [m]
     light = SpatialInertia(mass, np.zeros(3), mass * radius**2 * np.eye(3))
     bodies, numbers, own = list[Body](), [0], base_joints(chain)

@@ -41,10 +41,7 @@ def spring_gains(scene: Scene, q: Array) -> Gains:
 
 
 def add_ties(root: ET.Element, chain: Chain, scene: Scene, *, timestep: float) -> None:
-    """Add the ties of a scene to the MJCF of its open chain, for a time step [s].
-
-    Ties without an element in MJCF, or on a segment without mass, which is not in the file, are refused.
-    """
+    """Add a scene's ties to the MJCF of its open chain, for a time step [s], or refuse what the file cannot hold."""
     bare = lump(open_chain(scene))
     ties = tie_rows(scene, bare)
     if ties is None:

@@ -30,8 +30,7 @@ from flexlink.kernels.layout import HINGE
 
 # Rotating joints are `revolute`, which requires limits; Pinocchio would use two coordinates for a `continuous` joint.
 LIMIT = WIDE | {"effort": "1e9", "velocity": "1e9"}
-DYNAMICS = {"damping": "damping", "friction": "coulomb"}
-"""Maps attributes of <dynamics> to fields of the hinge."""
+DYNAMICS = {"damping": "damping", "friction": "coulomb"}  # maps attributes of <dynamics> to fields of the hinge
 STANDARD_FIELDS = {*DYNAMICS.values(), "axis", "lower", "upper"}
 
 
@@ -40,10 +39,9 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
 
     Parameters
     ----------
-    chain
-        The chain.
-    shapes
-        Whether to write shapes for viewers, without mass and contact: a cylinder and a sphere for each capsule.
+    chain, shapes
+        The chain, and whether to write shapes for viewers, without mass and contact: a cylinder and a sphere for each
+        capsule.
 
     Returns
     -------

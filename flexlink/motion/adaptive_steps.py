@@ -1,7 +1,4 @@
-"""Adaptive and implicit steps, taken in chunks; between chunks Python checks the samples.
-
-The size of the next step is chosen in `kernels/stepping/adaptive.py`.
-"""
+"""Adaptive and implicit steps (`kernels/stepping/adaptive.py`) in chunks, after which Python checks the samples."""
 
 from __future__ import annotations
 
@@ -31,10 +28,7 @@ NEAR = 1e-9  # fraction of the sampling interval within which two times count as
 
 
 class AdaptiveSteps(MethodSteps):
-    """Adaptive or implicit stepper of a run; if the run ends early, `failure` gives the reason.
-
-    `halved` halves the longest steps; `passes` allows a step to extend beyond a sample.
-    """
+    """Adaptive or implicit stepper of a run, whose end `failure` explains; steps end at samples unless `passes`."""
 
     def __init__(
         self, record: Record, control: Control | None = None, *, halved: bool = False, passes: bool = True
@@ -72,10 +66,7 @@ class AdaptiveSteps(MethodSteps):
                 pace.start()
 
     def go(self, inputs: Inputs, start: float, end: float) -> Failure | None:
-        """Integrate from `start` to `end` [s] under these inputs, and return the failure, if any.
-
-        If both times are equal, the steps are only compiled.
-        """
+        """Integrate from `start` to `end` [s]; if they are equal, only compile. Returns the failure, if any."""
         self.act(inputs)
         self.aim(start, end)
         self.budget.begin(self._spent(), end, self.dearest)

@@ -82,10 +82,7 @@ def bodies_of(chain: Chain) -> NDArray[np.intp]:
 
 
 def parts_of(chain: Chain, drive: Drive | None) -> Array:
-    """Multipliers (9,) of the parts of an operation's cost: 1, bodies by hinges, couplings, joints by kind.
-
-    Evaluating a torque table, such as held torques set by a caller, costs almost nothing.
-    """
+    """Multipliers (9,) of the parts of an operation's cost: 1, bodies by hinges, couplings, joints by kind."""
     driven = 0 if drive is None or drive.law == TABLE else len(drive.joints)
     model = driven if drive is not None and drive.law in {PD_GRAVITY, COMPUTED_TORQUE, CASCADE_GRAVITY} else 0
     dry = np.count_nonzero(chain.hinges["coulomb"])

@@ -27,10 +27,7 @@ SMALL = 1e-5
 
 
 def cheapest(record: Record, tolerance: float, slowest: float) -> tuple[str, str]:
-    """Method expected to be cheapest for an error of `tolerance` [m] on a record's chain, and the reason.
-
-    `slowest`: lowest natural frequency due to springs [rad/s], for the reason.
-    """
+    """Cheapest method for an error of `tolerance` [m], and the reason; `slowest`: lowest natural frequency [rad/s]."""
     costs, fastest = dict(guessed_costs(record, tolerance)), max(fastest_motion(record, record.q[0]))
     if not reads_rates(record) and (fastest * record.run.duration > STIFF or tolerance > SMALL * record.chain.size):
         del costs["Radau9"]

@@ -43,10 +43,7 @@ FAULTS = {
 
 
 class Monitor:
-    """Checks the samples of a run, chunk by chunk in the order of time.
-
-    Each sample is checked against earlier ones only, so results do not depend on the length of the chunks.
-    """
+    """Checks each sample of a run against earlier ones only, so that results do not depend on the length of chunks."""
 
     before: StatedError | None  # of the run that this one continues
     stated: StatedError | None  # of this run, once it has ended
@@ -349,19 +346,13 @@ def step_errors(record: Record, probed: NDArray[np.intp]) -> Array:
 def step_errors_side_by_side(
     records: Sequence[Record], scratch: Any, inputs: Inputs, samples: tuple[Array, Array], probed: NDArray[np.intp]
 ) -> Array:
-    """`step_errors` of up to eight runs from their samples (rows, n, 8); shape (runs, probed).
-
-    `scratch` and `inputs` are those of the runs side by side.
-    """
+    """`step_errors` (runs, probed) of up to eight runs side by side, from their samples (rows, n, 8) and scratch."""
     one, two = _ends(records[0], scratch, inputs, samples, probed)
     return _tips(one, two, records)
 
 
 def summed(run: RunSettings, errors: Array, size: Array) -> Array:
-    """Sum of the errors of all steps [m], shape (…), from errors of the probed steps (…, probed) and arm size (…).
-
-    Errors below the rounding error of the tip position are treated as zero.
-    """
+    """Sum of the errors of all steps [m], (…), from those of the probed ones (…, probed), without rounding errors."""
     counted = np.where(errors < rounding.of_reach(1.0) * size[..., None], 0.0, errors)
     return np.asarray(counted.sum(axis=-1) * samples_apart(run) * run.steps_per_sample)
 

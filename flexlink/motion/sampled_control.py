@@ -87,10 +87,7 @@ class Control:
         return run.fixed_step * whole("delay", delay, run.label("step", "run."), run.fixed_step, ArgumentError)
 
     def torque(self, t: float, q: Array, qd: Array, sensors: dict[str, dict[str, float]] | None = None) -> Array:
-        """Torques of the law, limited to the drive's `effort`, shape (d,); `sensors`: readings for the law.
-
-        A LawFailure is raised if the law raises an exception, or does not return d finite numbers.
-        """
+        """Torques (d,) of the law within `effort`, or a LawFailure if it raises or does not return d finite numbers."""
         if self.base is not None:
             q, qd = self.base.relative_to_start(q, qd)
         try:
@@ -123,10 +120,7 @@ class Control:
             self.impulse = impulses(self._read, self.chain, held[k, 0], qd, self.between)
 
     def pieces(self, record: Record, run: RunSettings, state: tuple[Array, Array, Array]) -> Iterator[int]:
-        """Integrate; yield the number of the last step with a finite state, first 0, about every `BREATH`.
-
-        If the law fails, the samples before that instant are valid.
-        """
+        """Integrate until the law fails; yield the last step with a finite state, first 0, about every `BREATH`."""
         last, go = (run.samples - 1) * run.steps_per_sample, self._sampled if self.sampled else self._continuous
         tableau, pace, number = method(run.method).arrays, ChunkSize(record.chain.n), 0
         yield go(record, tableau, state, 0, 0)

@@ -1,7 +1,4 @@
-"""Up to eight runs of one layout in one pass of the compiled loop; a `Monitor` checks each of them like a single run.
-
-Arrays of samples have a leading axis of members.
-"""
+"""Up to eight runs of one layout, the leading axis, in one pass of the compiled loop; a `Monitor` checks each."""
 
 import functools
 from collections.abc import Sequence

@@ -105,10 +105,7 @@ class SingleRun:
         self.steps.start(record)
 
     def finish(self, stop: Stop, progress: Report = None, *, compared: bool = True, warn: Warn = None) -> Trajectory:
-        """Run to the end, or until stopped; if `compared`, verify the run by a second one where its steps require it.
-
-        If progress is slow, `warn` is called once during the run with the cause.
-        """
+        """Run to the end, or until stopped; verify fixed steps by a second run if `compared`; `warn` if it is slow."""
         self.advance(stop, progress, warn)
         return self.result(stop, compared=compared)
 
@@ -166,10 +163,7 @@ def prepared_run(
     problem: InitialValueProblem, kept: Kept, before: Array | None = None, motion: StatedError | None = None,
     *, halved: bool = False, rows: int | None = None,
 ) -> SingleRun:  # fmt: skip
-    """A run without a law in Python that is ready to start: the last one of the same problem, or a new one.
-
-    Arguments as in `SingleRun`; only one run of `kept` may be in use.
-    """
+    """A run without a law in Python, ready to start: the last of the same problem, or new; one of `kept` at a time."""
     check_method(problem.run)
     for array in remembered(problem.inputs.drive):
         array[...] = 0

@@ -162,10 +162,7 @@ class RunSlopes(NamedTuple):
 
 
 def slopes_of_runs(scene: Scene, paths: Sequence[str]) -> RunSlopes:
-    """A run, and runs with slightly changed parameters at `paths`; errors as in `sensitivities`.
-
-    The changes keep the estimated error small.
-    """
+    """A run, and runs with parameters at `paths` changed so that the error is small; errors as in `sensitivities`."""
     x = np.array([_number(scene, path) for path in paths])
     runs = _Runs(scene, paths, x)
     size = np.where(x == 0, 1.0, np.abs(x))

@@ -29,10 +29,7 @@ LONGEST = Memo(16)  # cache of stable steps, which a run and those that it is co
 
 
 def longest_step(name: str, record: Record, span: float, t: float, state: tuple[Array, ...]) -> float:
-    """Largest stable step [s] of an explicit method about a state t, q, q̇; with a longer step errors would grow.
-
-    It is inf if it certainly exceeds `span`, the time between two stops.
-    """
+    """Largest stable step [s] of an explicit method about a state; inf if beyond `span`, the time between two stops."""
     chain, (q, qd, *_) = record.chain, state
     acting = acting_at(record.inputs, chain, t, q, qd)
 

@@ -28,8 +28,7 @@ class Thresholds:
     The first and third of three axes at one point then nearly coincide, and cond(M) grows by a factor 1/cos² 84° = 90,
     so two decimal digits are lost.
     """
-    a_degree: float = float(np.radians(1.0))
-    """Increase of the largest hinge bend between two checks of M [rad]."""
+    a_degree: float = float(np.radians(1.0))  # increase of the largest hinge bend between two checks of M [rad]
     at_limit: float = 1e-9
     """Distance past a joint limit that is ignored [rad]: rounding error of a run that moves exactly to the limit."""
     tip_share: float = 0.05
@@ -61,12 +60,9 @@ class Thresholds:
     """
     large: float = 0.5
     """Estimated error, in tolerances, from which a run is compared with another one; half of it, if it lasts."""
-    seen: float = 0.1
-    """Smallest error that is stated where two runs were compared, in tolerances."""
-    coarser: float = 10.0
-    """Tolerance of a coarser run with which a run is compared, relative to that of the run."""
-    shrinks: float = 2.0
-    """Ratio of their distance to the error of the run that is stated; measured, it is 1.5 to 15."""
+    seen: float = 0.1  # smallest error that is stated where two runs were compared, in tolerances
+    coarser: float = 10.0  # tolerance of a coarser run with which a run is compared, relative to that of the run
+    shrinks: float = 2.0  # ratio of their distance to the error of the run that is stated; measured, it is 1.5 to 15
     unrepeated: float = 0.7
     """Estimated error, in tolerances, from which a run by a law in Python, which cannot be repeated, is doubtful.
 
@@ -78,14 +74,11 @@ class Thresholds:
 
     Chaotic motions differ by their whole extent, however small the tolerance is.
     """
-    runs: int = 4
-    """Largest number of runs with which one run is compared."""
-    finer: str = "Radau9"
-    """Method of the runs with which implicit ones are compared."""
+    runs: int = 4  # largest number of runs with which one run is compared
+    finer: str = "Radau9"  # method of the runs with which implicit ones are compared
     few: int = 8
     """Minimum number of attempted steps after a restart, and minimum number from which a cost rate is computed."""
-    switch: float = 1e-4
-    """CPU time of a switch to another method and back, without steps [s]."""
+    switch: float = 1e-4  # CPU time of a switch to another method and back, without steps [s]
     trial: float = 0.03
     """Largest cost of the trial of a method, relative to the run so far; a trial takes at least twice `few` steps."""
     patience: Mapping[str, float] = MappingProxyType({"Radau5": 0.15, "Radau9": 0.4, "DOP853": 0.25})
@@ -166,10 +159,7 @@ def stated_of(monitor: Monitor) -> StatedError:
 
 
 def compared_with(other: Monitor, run: Monitor, first: Monitor) -> StatedError:
-    """The error of a run that may replace the `first` one: its distance to another run, which may begin earlier.
-
-    Two runs may agree by chance, so it is at least `Thresholds.seen`.
-    """
+    """The error of a run that may replace the `first`: their distance, at least `seen` as two may agree by chance."""
     one, two, n = run.record, other.record, run.n_valid
     end = two.state(other.n_valid - 1)
     tip, before = apart(one.compared(n), two.compared(other.n_valid)[-n:]), first.before
@@ -202,10 +192,7 @@ def displaced(run: Monitor) -> Array:
 
 
 def extrapolated(found: StatedError, run: Monitor, coarser: Monitor) -> StatedError:
-    """The error of a run that no finer one confirms, from the error `found` of a coarser run: it shrinks as tolerances.
-
-    Errors of the run's own steps are added.
-    """
+    """The error of a run without a finer one, from a coarser run's, which shrinks as tolerances, and its own steps."""
     return found._replace(tip=found.tip * run.tolerance / coarser.tolerance + estimated_error(run))
 
 

@@ -53,10 +53,7 @@ class Second(NamedTuple):
 
 
 def second_runs(monitor: Monitor) -> Iterator[Second]:
-    """Yield runs with which to compare a finished run with fixed steps; the first strict one that ends decides.
-
-    If a control law drives the arm, there are no such runs, since the law may have internal states.
-    """
+    """Yield runs to compare with one with fixed steps, to the first strict one; none if a law in Python drives it."""
     # Distance to a run with twice the step, relative to the error of the first run, for a method of order two. Steps
     # that hardly resolve the motion do not converge with the order of their method, and two such runs may be equally
     # wrong.

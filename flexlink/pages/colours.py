@@ -1,7 +1,4 @@
-"""Colours and markers of all figures; each engine has one name, colour and marker.
-
-The palette is by Okabe and Ito (2008); its colours are distinguishable with the common kinds of colour blindness.
-"""
+"""Names, colours and markers of all figures, by Okabe and Ito (2008), for all common kinds of colour vision."""
 
 from typing import NamedTuple
 

@@ -61,10 +61,7 @@ def picture_of(
     name: str, title: str, caption: str, axes: Sequence[Axes], across: str, columns: Mapping[str, Array], *,
     each: bool = False,
 ) -> Picture:  # fmt: skip
-    """Picture of panels above each other with one label; short columns of its CSV file end in nan.
-
-    There is one legend, or one for `each` panel.
-    """
+    """Picture of panels above each other; one legend, or one for `each`; short columns of the CSV file end in nan."""
     axes[-1].set_xlabel(across)
     for panel in axes if each else axes[:1]:
         legend_over(panel, figure=None if each else panel.figure)

@@ -138,10 +138,7 @@ class RunSamples(Result):
 
     @property
     def errors(self) -> Mapping[str, Array]:
-        """Estimated error of what is read besides the tip, (samples,), by name with unit.
-
-        These are the sensors of the scene, and `run.outputs`.
-        """
+        """Estimated errors of the scene's sensors and `run.outputs`, (samples,), by name with unit."""
         return {} if self.stated is None else self.stated.outputs
 
     @property

@@ -12,10 +12,7 @@ from flexlink.kernels.geometry.kinematics import forward_kinematics, tip_points
 
 
 def checked_path(chain: Chain, q: Array, *, every: bool = False) -> Array:
-    """Path of the tip at angles q (samples, n), or of all bodies if rotations move no point.
-
-    `every`: of the points of all bodies, (samples, bodies, 3), as a tie may hold the tip.
-    """
+    """Path of the tip, or of all bodies if rotations move no point, or if `every`, as a tie may hold the tip."""
     if every:
         return np.array([forward_kinematics(chain.arrays, angles).points for angles in np.ascontiguousarray(q)])
     if chain.has_levers:

@@ -58,10 +58,7 @@ def assembled(
 
 
 def _names(way: Paths) -> list[str]:
-    """Return unique names of the base, the parts and the tips; parts have the names of their links.
-
-    A part with the name of the base is renamed if another part must refer to the base.
-    """
+    """Unique names of the base, parts and tips: of parts the links', unless another part must refer to the base."""
     links = [part.link for part in way.parts]
     tips = [tip.link if tip.link not in links else f"{tip.link} frame" for tip in way.tips]
     return unique([BASE, *links, *tips]) if way.bears(0) > 1 else [BASE, *unique([*links, *tips])]

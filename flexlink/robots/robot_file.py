@@ -37,10 +37,7 @@ def words() -> dict[str, str]:
 
 
 def read_robot(path: str | Path) -> Robot:
-    """Read a robot, in SI units and radians, from a URDF, MJCF or SDF file; a xacro file must be expanded first.
-
-    Errors name the file, the link or joint, the value and what is allowed.
-    """
+    """Read a robot, in SI units and radians, from a URDF, MJCF or SDF file; a xacro file must be expanded first."""
     path = require_path("path", path)
     if path.suffix.lower() in {".stl", ".obj", ".dae", ".step", ".stp", ".iges"}:
         raise DataFileError(f"{shown_path(path)}: a mesh or CAD file; import reads URDF, MJCF and SDF", id="not-xml")

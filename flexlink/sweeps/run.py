@@ -1,7 +1,4 @@
-"""sweep(…): run all members of a sweep, side by side and on several workers, and collect their rows in a table.
-
-Members run on an executor, in tasks of half a second; tasks whose worker died are repeated.
-"""
+"""sweep(…): run members side by side and on several workers, in repeatable tasks of half a second, into one table."""
 
 from __future__ import annotations
 

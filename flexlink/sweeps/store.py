@@ -31,10 +31,7 @@ LOCK_TIMEOUT = 1.0  # longest wait for a commit by another process [s]; a commit
 
 
 class Store:
-    """Database of a sweep or of one of its parts, open for writing; in memory if `path` is None.
-
-    A file that cannot be written, is damaged or not such a database, or has rows of another sweep, is refused.
-    """
+    """Database of a sweep or of one of its parts, open for writing, or refused; in memory if `path` is None."""
 
     def __init__(
         self, path: Path | None, plan: Plan, identity: Fingerprint, *, part: str | None = None, fresh: bool = False

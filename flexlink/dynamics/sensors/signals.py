@@ -20,8 +20,7 @@ from flexlink.dynamics.point_motion import motion_in_body, point_slopes
 from flexlink.dynamics.strain import beam_strain, known_at
 from flexlink.kernels.geometry.kinematics import forward_kinematics
 
-Samples = Any
-"""The samples of a run: an object with `RunSamples`' chain, t, q, qd, tau and, for accelerometers, qdd."""
+Samples = Any  # the samples of a run: an object with `RunSamples`' chain, t, q, qd, tau and, for accelerometers, qdd
 
 
 def signal_of(sensor: Sensor, scene: Scene, run: Samples) -> Array:
@@ -101,10 +100,7 @@ def interpolation(nodes: Array, x: float) -> tuple[NDArray[np.intp], Array]:
 
 
 def gauge_slope(sensor: Sensor, scene: Scene, chain: Chain, q: Array) -> Array:
-    """∂ε/∂q at angles q (n,), shape (n,).
-
-    ε is linear in the angles, and the derivative is exact up to rounding, unless springs act on rotation vectors.
-    """
+    """∂ε/∂q (n,), exact up to rounding: ε is linear in q, unless springs act on rotation vectors."""
     nudge = 1e-3  # step [rad] of the fourth-order differences; their error is 1e-13, plus rounding
     steps = nudge * np.array([1.0, -1.0, 2.0, -2.0])
     states = q + steps[:, None, None] * np.eye(chain.n)

@@ -38,10 +38,7 @@ class TipPath(NamedTuple):
 
 
 class InverseMotion(NamedTuple):
-    """Motion q, q̇, q̈ (m, n) of all coordinates, torques of the driven joints (m, d) [N m], and the last correction.
-
-    `correction` is relative to the range of the motion; it is infinite if the corrections grew.
-    """
+    """Motion q, q̇, q̈ (m, n), drive torques (m, d) [N m], and the last correction in ranges, inf if it grew."""
 
     q: Array
     qd: Array

@@ -20,10 +20,7 @@ from flexlink.dynamics.placement import jacobian, tip_position
 
 
 class TipMove(NamedTuple):
-    """A move from `start` [s] that lasts `duration` [s]: driven joints (k, d) at times (k,), and tips (k, 3) if given.
-
-    Without `tips` the tip is where it is with the arm at rest at these joints.
-    """
+    """A move of driven joints (k, d) at times (k,); tips (k, 3), by default those of the arm at rest."""
 
     start: float
     duration: float

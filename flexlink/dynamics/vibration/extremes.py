@@ -66,10 +66,7 @@ def scratch(chain: Chain) -> Posture:
 def fastest_of(
     chain: Chain, q: Array, stiffness: Array, damping: Array, posture: Posture | None = None
 ) -> tuple[float, float]:
-    """√λ and λ for the largest λ of K φ = λ M φ and of D φ = λ M φ, by the power iteration φ ← M⁻¹ K φ.
-
-    K and D have these diagonals and the chain's couplings; held joints are at rest.
-    """
+    """√λ and λ of the largest λ of K φ = λ M φ and D φ = λ M φ, by φ ← M⁻¹ K φ; held joints are at rest."""
     found = [0.0, 0.0]
     for k, (name, weights) in enumerate((("stiffness", stiffness), ("damping", damping))):
         if weights.any():

@@ -49,10 +49,9 @@ def linearize(
 
     Parameters
     ----------
-    chain
-        The chain.
-    q, qd, tau
-        Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,); default rates and torques: zero.
+    chain, q, qd, tau
+        The chain; angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,); default rates and torques:
+        zero.
     tip_wrench, frame
         Constant force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame;
         in the latter they turn with the tip.
@@ -113,10 +112,9 @@ def linearize_many(
 
     Parameters
     ----------
-    chain
-        The chain.
-    q, qd, tau
-        Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (b, n); default rates and torques: zero.
+    chain, q, qd, tau
+        The chain; angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (b, n); default rates and torques:
+        zero.
     tip_wrench, frame, outputs, tip_force
         As in `linearize`.
 

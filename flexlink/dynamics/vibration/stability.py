@@ -198,11 +198,9 @@ def stable_step(
 
     Parameters
     ----------
-    chain
-        The chain.
-    q, qd
-        Configuration [rad] and rates [rad/s], shape (n,); default: springs slack, joints at zero, as in `modes`, at
-        rest.
+    chain, q, qd
+        The chain; configuration [rad] and rates [rad/s], shape (n,); default: springs slack, joints at zero, as in
+        `modes`, at rest.
     tip_wrench, frame
         Constant force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame;
         in the latter they turn with the tip.

@@ -40,10 +40,9 @@ def modes_in_motion(
 
     Parameters
     ----------
-    chain
-        The chain.
-    rates
-        Constant rates [rad/s], or [m/s] of sliding joints, by link name; these joints are held at their rates.
+    chain, rates
+        The chain, and constant rates [rad/s], or [m/s] of sliding joints, by link name; these joints are held at their
+        rates.
     q
         Initial configuration [rad], shape (n,); default: springs slack, joints at zero.
     tip_wrench, frame

@@ -15,8 +15,7 @@ from flexlink.dynamics.free_motion import input_names, state_names
 from flexlink.formats.code.model import ALLOWED, Model, cases, implicit_of, model_of, name_of, slopes_of
 from flexlink.formats.code.tape import Number, Real, Tape
 
-LONGEST = 400_000
-"""Largest number of operations of a file."""
+LONGEST = 400_000  # largest number of operations of a file
 
 
 def to_c(chain: Chain, *, slopes: bool = False, step: bool = False) -> str:
@@ -39,10 +38,9 @@ def to_c(chain: Chain, *, slopes: bool = False, step: bool = False) -> str:
 
     Parameters
     ----------
-    chain
-        The chain.
-    slopes
-        Whether the file contains `arm_slopes`, which then has most of its lines, and takes compilers up to minutes.
+    chain, slopes
+        The chain, and whether the file contains `arm_slopes`, which then has most of its lines, and takes compilers up
+        to minutes.
     step
         Whether the file contains `arm_step`, which has about half as many lines as `arm_slopes`.
 
@@ -145,10 +143,7 @@ BLOCK = 1000
 
 
 def in_blocks(model: Model, name: str, results: Mapping[str, Sequence[Real]], static: str = "") -> str:
-    """A function of x and u that writes arrays, divided into short functions.
-
-    Results that another block needs are in an array that the blocks share, all others are variables of a block.
-    """
+    """A function of x and u that writes arrays, divided into short functions, which share some results in an array."""
     check_length(model.tape, model.chain)
     names = inputs_of(model)
     lines = statements(model.tape, results.values(), names, "t[{}] = {};", "t[{}]")

@@ -49,10 +49,8 @@ def to_fmu(
 
     Parameters
     ----------
-    chain
-        The chain.
-    initial
-        q and q̇ at the start, shape (n,) each [rad, rad/s; m, m/s].
+    chain, initial
+        The chain, and q and q̇ at the start, shape (n,) each [rad, rad/s; m, m/s].
     fmi
         Version of FMI, 2 or 3.
     sample, duration

@@ -41,8 +41,7 @@ from flexlink.kernels.geometry.kinematics import forward_kinematics
 from flexlink.kernels.layout import ChainArrays
 from flexlink.kernels.tools import lanes, rare, sincos, solve
 
-ALLOWED = 1e-8
-"""Largest difference of ẋ in the test of a file, relative to its largest entry; arms may be stiff."""
+ALLOWED = 1e-8  # largest difference of ẋ in the test of a file, relative to its largest entry; arms may be stiff
 
 
 class Model(NamedTuple):

@@ -105,10 +105,7 @@ def remembered(drive: Drive) -> tuple[NDArray[Any], ...]:
 
 
 def gains_of(chain: Chain, drive: Drive, t: float, q: Array, qd: Array) -> Gains:
-    """−∂T_EX/∂q and −∂T_EX/∂q̇ of a drive at a state, ignoring torque limits; zero if the drive is sampled.
-
-    Each has shape (n,) if every joint's torque depends on the motion of this joint alone, else (n, n).
-    """
+    """−∂T_EX/∂q and −∂T_EX/∂q̇ of a drive without torque limits, (n,) if diagonal, else (n, n); 0 if it is sampled."""
     n, joints = chain.n, drive.joints
     if not len(joints) or drive.law == TABLE:  # independent of the state
         return Gains(*np.zeros((2, n)))
@@ -130,10 +127,7 @@ def gains_of(chain: Chain, drive: Drive, t: float, q: Array, qd: Array) -> Gains
 
 @keep_last(64)
 def gains_at_zero(drive: Drive, chain: Chain, continuous: bool = False) -> Gains:
-    """Gains of a drive at zero angles and rates, the same wherever a run starts, so it can be continued; read-only.
-
-    `continuous`: treat a sampled law as if it were continuous.
-    """
+    """Gains of a drive at zero angles and rates, wherever a run starts; read-only. `continuous`: of a law unsampled."""
     zero = np.zeros(chain.n)
     return gains_of(chain, _continuous(drive) if continuous else drive, 0.0, zero, zero)
 
