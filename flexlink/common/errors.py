@@ -222,7 +222,7 @@ class InterruptedSweepError(KeyboardInterrupt):
 
 
 def how_to_install(what: str) -> str:
-    """Commands that install an extra of flexlink, or packages of one name everywhere; for conda where it has them."""
+    """Commands that install an extra of flexlink, or packages; one for conda if conda-forge has them."""
     by_conda = {
         "completion": "shtab", "control": "control", "dask": "distributed", "engines": "pinocchio mujoco",
         "report": "matplotlib jinja2", "robots": "example-robot-data", "tables": "pandas xarray h5netcdf h5py",

@@ -138,7 +138,7 @@ def _print_line(text: str) -> None:
 
 
 def is_command(arguments: Sequence[str], words: Sequence[str]) -> bool:
-    """Whether the process is the command line, not a user's program; `sys.argv[0]` is "-m" during Python's search."""
+    """Whether this is the command line, not a user's program; while Python finds the module, `argv[0]` is "-m"."""
     program = Path(arguments[0]).stem if arguments else ""
     return program == "flexlink" or (program == "-m" and ("-m", "flexlink") in itertools.pairwise(words))
 

@@ -175,7 +175,7 @@ def follow(equations: Equations, tolerance: float) -> list[Array]:
 
 
 def _arcs(equations: Equations, tolerance: float, part: float, off: float) -> list[Array]:
-    """Points of the path, a tangent predictor by `part` of an arc, and a corrector, at most `off` of the step away."""
+    """Points of the path; `part` scales the arcs; a corrector moves by at most `off` steps from the predicted point."""
     point, arc = equations.start, part * FIRST_ARC
     path, direction = [point], np.append(1.0, np.zeros(len(point) - 1))
     while point[0] < 1:

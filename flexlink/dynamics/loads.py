@@ -118,7 +118,7 @@ def internal_loads(
 def loads_of_bodies(
     chain: Chain, q: Array, qd: Array, qdd: Array, wrench: Array, more: tuple[Array, Array] | None = None
 ) -> InternalLoads:
-    """As `internal_loads`; wrench (6,), and `more` forces and moments on bodies' origins (bodies, 3), in frame 0."""
+    """As `internal_loads`; in frame 0, with `more` forces and moments (bodies, 3) about the origins of the bodies."""
     bodies = chain.bodies
     R, p, axes, _, ω, a, α, _ = body_motion(chain, q, qd, qdd)
     with np.errstate(over="ignore", invalid="ignore"):

@@ -15,7 +15,7 @@ from flexlink.kernels.forward.solvers import ARTICULATED, Solver
 
 
 def no_acceleration(chain: Chain, solver: Solver, wrench: Array, q: Array, qd: Array, tau: Array) -> FlexlinkError:
-    """The error for a state with infinite q̈: of its joint, if also at rest without loads; or of rates or loads."""
+    """The error if q̈ is not finite: it names the joint if that is so at rest without loads, else rates or loads."""
     rest = np.zeros(chain.n)
     if np.isfinite(solver.accelerations(chain.arrays, np.zeros(6), q, rest, rest)).all():
         most = f"qd up to {np.abs(qd).max():.3g} rad/s, tau up to {np.abs(tau).max():.3g} N m"

@@ -33,7 +33,7 @@ PASSES = 50  # Newton steps to close the ties at the start
 
 
 def tie_rows(scene: Scene, chain: Chain) -> Ties | None:
-    """The rows of all ties of a scene on its open chain, or what they do not allow is refused; None without ties."""
+    """The rows of a scene's ties on its open chain, None without ties; refuses what ties do not allow."""
     if not scene.ties:
         return None
     sampled, reference = scene.drive.rate is not None, scene.drive.reference

@@ -56,7 +56,7 @@ def taken_from_scene(ours: ReadBack, read: ReadBack) -> frozenset[str]:
 
 
 def not_compared(ours: ReadBack, read: ReadBack, order: Indices) -> str:
-    """Describe actuators of a file, joints in this `order`, if the scene has no drive; "" if they are plain motors."""
+    """Describe a file's actuators, by joints in flexlink's `order`, if the scene has no drive; "" if plain motors."""
     if "gear" not in ours.unspecified:
         return ""
     gear, effort, actuators = read.gear[order], read.effort[order], []

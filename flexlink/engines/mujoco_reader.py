@@ -14,7 +14,7 @@ from flexlink.engines.read_back import ACTUATOR_FIELDS, ReadBack, merge_bodies, 
 
 
 def coordinates(model: Any, order: Indices, reference: Array | None = None) -> Coordinates:
-    """The map between flexlink's and the model's coordinates; a floating base turns from `reference`, or its start."""
+    """Map to the model's coordinates; `reference`: rotation of a floating base at zero angles (None: at the start)."""
     floating = Floating(velocity_in_base=False, spin_in_base=True, turn_first=False, scalar_first=True)
     if not floats(model):
         return Coordinates(order)

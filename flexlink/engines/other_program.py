@@ -63,7 +63,7 @@ class OtherProgram(base.Engine):
         return self.forward_dynamics(q, qd, tau, tip_wrench=wrench)
 
     def run_in_steps(self, problem: InitialValueProblem) -> base.Samples:
-        """Samples of a run with fixed steps; the engine gets new coordinates of a base that has turned far."""
+        """Samples of a run with fixed steps; after a large rotation of the base the engine gets new coordinates."""
         samples = t, q, qd = base.allocate_samples(problem)
         theirs = self.coordinates
         reference = theirs.reference

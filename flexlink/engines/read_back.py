@@ -40,7 +40,7 @@ class Parts(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class ReadBack:
-    """Joints, a floating base as the first six, and bodies in an engine; body k is everything attached to joint k."""
+    """Joints and bodies in an engine; body k is all that is rigidly attached to joint k; a floating base is 0 to 5."""
 
     names: tuple[str, ...]
     parents: Indices  # parent joint of each joint, −1 for the base
@@ -84,7 +84,7 @@ class ReadBack:
         return len(self.names)
 
     def in_order(self, order: Indices, bodies: Indices | None = None, **fields: Any) -> "ReadBack":
-        """The record with joint `order[k]` as joint k, bodies in their order or the joints'; `fields` are replaced."""
+        """The record with joint `order[k]` as joint k, and bodies likewise (or by `bodies`); `fields` are replaced."""
         bodies = order if bodies is None else bodies
         place = np.append(np.argsort(order), -1)  # the base, −1, stays −1
         of_joints = (*AXIS_FIELDS, "frames", "slides", *JOINT_FIELDS, *ACTUATOR_FIELDS)
@@ -128,7 +128,7 @@ def no_actuators(n: int) -> dict[str, Any]:
 
 
 def require_joints(joints: Sequence[tuple[str, str]]) -> None:
-    """Refuse a file without joints, or one with a joint of a type that is not supported: names and types, else ""."""
+    """Refuse a file without joints or with other types than hinges and slides; `joints`: name, type or ""."""
     for name, kind in joints:
         if kind:
             why = f"joint {name!r} has type {kind}; supported are revolute and prismatic joints and a floating base"

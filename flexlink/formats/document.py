@@ -156,7 +156,7 @@ def xml_joint_names(chain: Chain) -> list[str]:
 
 
 def xml_link_names(chain: Chain) -> list[str]:
-    """Names of the base, of the frame that each coordinate moves, that of a floating base for six, and of the tips."""
+    """Names of the base, of the frame that each coordinate moves (six move a floating base), and of the tips."""
     own, moved = base_joints(chain), moved_links(chain, xml_joint_names(chain))
     base, tip, *names = unique(["base_link", "tip", *moved, *other_ends(chain, moved)])
     return [base] * (1 + own) + names + [tip]

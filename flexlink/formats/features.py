@@ -1,4 +1,4 @@
-"""Table of features that a format cannot represent, and check for them in a scene; every format has all others."""
+"""Features that a format cannot represent, and a check of a scene for them; all formats represent the others."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path

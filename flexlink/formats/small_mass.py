@@ -19,7 +19,7 @@ from flexlink.formats.document import base_joints
 
 
 def with_small_mass(chain: Chain, *, mass: float) -> Chain:
-    """The chain with bodies of mass m and inertia m r² at hinges without; see `added_inertia` for the change."""
+    """The chain with a body at every hinge; massless ones get mass m and inertia m r² (effect: `added_inertia`)."""
     if require_type("chain", chain, Chain).has_rotation_springs:
         text = "rotation-vector springs do not allow masses between their hinges; use a lumping rule with springs = "
         text += "'angles', for example gauss, or no small mass"

@@ -47,7 +47,7 @@ class Budget:
         self.safe = now.evaluations + min(self.most, self._apart(dearest)) if dearest else 0.0
 
     def affordable(self, now: Spent, dearest: int) -> int:
-        """Steps to the next check, by evaluations so that it is the same everywhere; 0: the run must stop."""
+        """Number of steps to the next check, by evaluations, so the same on every machine; 0: the run must stop."""
         used, pause = now.evaluations - self._start.evaluations, self._apart(dearest)
         if used + dearest > self.most:
             part = (now.time - self._start.time) / (self._end - self._start.time)

@@ -43,7 +43,7 @@ FAULTS = {
 
 
 class Monitor:
-    """Checks each sample of a run against earlier ones only, so that results do not depend on the length of chunks."""
+    """Checks each sample of a run against earlier ones only, so results do not depend on the length of chunks."""
 
     before: StatedError | None  # of the run that this one continues
     stated: StatedError | None  # of this run, once it has ended
@@ -352,7 +352,7 @@ def step_errors_side_by_side(
 
 
 def summed(run: RunSettings, errors: Array, size: Array) -> Array:
-    """Sum of the errors of all steps [m], (…), from those of the probed ones (…, probed), without rounding errors."""
+    """Sum of all steps' errors [m], (…), from the probed ones (…, probed); rounding errors of the tip count as 0."""
     counted = np.where(errors < rounding.of_reach(1.0) * size[..., None], 0.0, errors)
     return np.asarray(counted.sum(axis=-1) * samples_apart(run) * run.steps_per_sample)
 

@@ -120,7 +120,7 @@ class Control:
             self.impulse = impulses(self._read, self.chain, held[k, 0], qd, self.between)
 
     def pieces(self, record: Record, run: RunSettings, state: tuple[Array, Array, Array]) -> Iterator[int]:
-        """Integrate until the law fails; yield the last step with a finite state, first 0, about every `BREATH`."""
+        """Integrate, at most until the law fails; yield the last step with a finite state, about every `BREATH`."""
         last, go = (run.samples - 1) * run.steps_per_sample, self._sampled if self.sampled else self._continuous
         tableau, pace, number = method(run.method).arrays, ChunkSize(record.chain.n), 0
         yield go(record, tableau, state, 0, 0)

@@ -105,7 +105,7 @@ class SingleRun:
         self.steps.start(record)
 
     def finish(self, stop: Stop, progress: Report = None, *, compared: bool = True, warn: Warn = None) -> Trajectory:
-        """Run to the end, or until stopped; verify fixed steps by a second run if `compared`; `warn` if it is slow."""
+        """Run to the end, or until stopped; if `compared`, verify it by another; `warn` names the cause if slow."""
         self.advance(stop, progress, warn)
         return self.result(stop, compared=compared)
 
@@ -163,7 +163,7 @@ def prepared_run(
     problem: InitialValueProblem, kept: Kept, before: Array | None = None, motion: StatedError | None = None,
     *, halved: bool = False, rows: int | None = None,
 ) -> SingleRun:  # fmt: skip
-    """A run without a law in Python, ready to start: the last of the same problem, or new; one of `kept` at a time."""
+    """A run without a law in Python, ready to start: the last one of the same problem if `kept`, or a new one."""
     check_method(problem.run)
     for array in remembered(problem.inputs.drive):
         array[...] = 0

@@ -38,7 +38,7 @@ class TipPath(NamedTuple):
 
 
 class InverseMotion(NamedTuple):
-    """Motion q, q̇, q̈ (m, n), drive torques (m, d) [N m], and the last correction in ranges, inf if it grew."""
+    """Motion q, q̇, q̈ (m, n), drive torques (m, d) [N m], and the last correction of the range, inf if it grew."""
 
     q: Array
     qd: Array

@@ -365,7 +365,7 @@ def _tip(chain: Chain, q: Array, qd: Array) -> Output:
 
 
 def _tip_rate(chain: Chain, q: Array, qd: Array) -> Output:
-    """v = Σ q̇_k J_k; ∂v/∂q_j = e_j × Σ_{k ≥ j} q̇_k J_k + Σ_{k < j} q̇_k e_k × J_j: a rotation turns all beyond it."""
+    """v = Σ q̇_k J_k with ∂v/∂q_j = e_j × Σ_{k ≥ j} q̇_k J_k + Σ_{k < j} q̇_k e_k × J_j."""
     tip = jacobian(chain, q)
     J, e = tip.linear, tip.angular
     turning, moving = e * qd, J * qd

@@ -143,7 +143,7 @@ BLOCK = 1000
 
 
 def in_blocks(model: Model, name: str, results: Mapping[str, Sequence[Real]], static: str = "") -> str:
-    """A function of x and u that writes arrays, divided into short functions, which share some results in an array."""
+    """A function of x and u that writes arrays, in short functions that share an array of results."""
     check_length(model.tape, model.chain)
     names = inputs_of(model)
     lines = statements(model.tape, results.values(), names, "t[{}] = {};", "t[{}]")

@@ -45,9 +45,9 @@ def to_casadi(chain: Chain) -> str:
     rate, tip = (", ".join(operand(value, names) for value in values) for values in results)
     tests = ",\n".join(f"    {tuple(part.tolist() for part in row)!r}" for row in cases(chain))
     words = {
-        "@title": repr(chain.name.replace('"', "'")), "@states": repr(state_names(chain)), "@body": "\n    ".join(lines),
-        "@inputs": repr(input_names(chain)), "@nx": f"{len(model.x)}", "@nu": f"{len(model.u)}", "@rate": rate,
-        "@tests": tests, "@tip": tip, "@name": repr(name), "@allowed": repr(ALLOWED),
+        "@title": repr(chain.name.replace(chr(34), chr(39))), "@body": "\n    ".join(lines), "@nx": f"{len(model.x)}",
+        "@states": repr(state_names(chain)), "@inputs": repr(input_names(chain)), "@nu": f"{len(model.u)}",
+        "@rate": rate, "@tests": tests, "@tip": tip, "@name": repr(name), "@allowed": repr(ALLOWED),
         "@size": repr(max(float(chain.size), 1e-300)),
     }  # fmt: skip
     return with_words("casadi.txt", words) + "\n"

@@ -127,7 +127,7 @@ def gains_of(chain: Chain, drive: Drive, t: float, q: Array, qd: Array) -> Gains
 
 @keep_last(64)
 def gains_at_zero(drive: Drive, chain: Chain, continuous: bool = False) -> Gains:
-    """Gains of a drive at zero angles and rates, wherever a run starts; read-only. `continuous`: of a law unsampled."""
+    """Gains of a drive at zero angles and rates, read-only; `continuous` takes a sampled law as continuous."""
     zero = np.zeros(chain.n)
     return gains_of(chain, _continuous(drive) if continuous else drive, 0.0, zero, zero)
 
