@@ -137,16 +137,14 @@ class Search:
             self.solution = found
         return found is not None
 
-    def _fit(
-        self, share: float, cost: Callable[[Model], float], stepping_of: Callable[[Model], Stepping | None]
-    ) -> bool:
+    def _fit(self, share: float, cost: Callable[[Model], float], steps: Callable[[Model], Stepping | None]) -> bool:
         """Run the cheapest models for a share of the allowed error; return False if their steps fail."""
         allocation, least = Allocation(self.link_errors, cost), np.inf
         for _ in range(6):
             model = allocation.cheapest(share * self.allowed)
             if model is None or cost(model) >= least:
                 break
-            if (stepping := stepping_of(model)) is None:
+            if (stepping := steps(model)) is None:
                 return True
             outcome = self.runner.run(model, stepping)
             error = self.link_errors.from_limit(outcome.tip)

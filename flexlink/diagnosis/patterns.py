@@ -121,10 +121,8 @@ def products_negated(diff: Discrepancy) -> bool:
     """Moments are equal and products of inertia negated, in axes of the file's frame, our frame, or frame 0."""
     k, off = diff.rows, ~np.eye(3, dtype=bool)
     for R in (diff.their_record.frames[k], diff.our_record.frames[k], np.eye(3)[None]):
-        I = R.mT @ diff.ours @ R
-        if np.abs(I[..., off]).max() > 1e-6 * np.abs(I).max() and _each_close(
-            R.mT @ diff.theirs @ R, 2 * I * np.eye(3) - I
-        ):
+        I, other = R.mT @ diff.ours @ R, R.mT @ diff.theirs @ R
+        if np.abs(I[..., off]).max() > 1e-6 * np.abs(I).max() and _each_close(other, 2 * I * np.eye(3) - I):
             return True
     return False
 
@@ -160,9 +158,7 @@ def fewer_digits(diff: Discrepancy) -> bool:
     pairs = list(zip(diff.ours.tolist(), diff.theirs.tolist(), strict=True))
     formats = itertools.product("gf", range(2, 13))
     last = 1e-14  # relative rounding error of numbers that the engine adds and flexlink subtracts, far below 12 digits
-    return any(
-        all(abs(float(f"{x:.{digits}{kind}}") - y) <= last * abs(y) for x, y in pairs) for kind, digits in formats
-    )
+    return any(all(abs(float(f"{x:.{n}{form}}") - y) <= last * abs(y) for x, y in pairs) for form, n in formats)
 
 
 def axes_rotated(diff: Discrepancy) -> bool:

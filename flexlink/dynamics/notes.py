@@ -52,10 +52,8 @@ def _width_of_friction(scene: Scene) -> Iterator[Diagnostic]:
     """Smoothed friction holds nothing at rest: a load of a share s of it creeps at artanh(s) times its width."""
     width = Joint().coulomb_width
     for slides, unit in ((False, "mrad/s"), (True, "mm/s")):
-        joints = ((scene.arm.path(k), link.joint) for k, link in enumerate(scene.arm.links, 1))
-        paths = [
-            path for path, j in joints if j.coulomb and j.coulomb_width == width and j.slides == slides and not j.locked
-        ]
+        joints = ((scene.arm.path(k), link.joint) for k, link in enumerate(scene.arm.links, 1) if link.joint.coulomb)
+        paths = [path for path, j in joints if j.coulomb_width == width and j.slides == slides and not j.locked]
         if paths:
             creep = f"a load of half the dry friction creeps at {1e3 * math.atanh(0.5) * width:.2g} {unit}"
             given = f"coulomb_width = {1e3 * width:g} {unit}, the default"

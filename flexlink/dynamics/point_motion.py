@@ -119,8 +119,7 @@ def point_motion(
         The chain; angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,), or (b, n) for b states; for a
         simulation `run.q`, `run.qd`, `run.qdd`.
     body
-        Number of the body in `chain.bodies`, from 0, or backwards from −1, the tip frame. `chain.body("upper.2.z")` is
-        the body that a joint or hinge moves.
+        Number in `chain.bodies`, from 0, or back from −1, the tip frame. `chain.body("upper.2.z")`: what a hinge moves.
     tip
         Instead of the body: name or number of a link without child links, whose tip frame is used.
     point
@@ -201,18 +200,16 @@ def _in_axes_of(R: Array, v: Array) -> Array:
 # inboard part. For a sliding joint, which shifts the outboard part, replace e × r by e, and e × u, e × w and ∂ω_P by 0.
 
 
-def point_slopes(
-    chain: Chain, q: Array, qd: Array, qdd: Array, body: int, point: Array
-) -> dict[str, tuple[Array, ...]]:
+def point_slopes(chain: Chain, q: Array, qd: Array, qdd: Array, i: int, point: Array) -> dict[str, tuple[Array, ...]]:
     """Derivatives by q, q̇ and q̈, (3, n) each, of results of `point_motion` at a state (n,), unless they vanish."""
     moving, beyond = body_motion(chain, q, qd, qdd), hinge_bodies(chain)
-    R, ω_P, α_P = moving.rotations[body], moving.angular_velocity[body], moving.angular_acceleration[body]
+    R, ω_P, α_P = moving.rotations[i], moving.angular_velocity[i], moving.angular_acceleration[i]
     c = R @ point
-    v = moving.velocity[body] + cross(ω_P, c)
-    a = moving.acceleration[body] + cross(α_P, c) + cross(ω_P, cross(ω_P, c))
+    v = moving.velocity[i] + cross(ω_P, c)
+    a = moving.acceleration[i] + cross(α_P, c) + cross(ω_P, cross(ω_P, c))
     ω, α = moving.before
-    e = np.where(hinges_before(chain, body)[:, None], moving.axes, 0.0)
-    r = moving.points[body] + c - moving.points[beyond]
+    e = np.where(hinges_before(chain, i)[:, None], moving.axes, 0.0)
+    r = moving.points[i] + c - moving.points[beyond]
     u = v - moving.velocity[beyond] - cross(ω, r)
     w = a - moving.acceleration[beyond] - cross(α, r) - cross(ω, cross(ω, r) + 2 * u)
     shift, turn = cross(e, r), e.copy()

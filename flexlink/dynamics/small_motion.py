@@ -3,11 +3,10 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain, add_products
 from flexlink.common.errors import ArgumentError
-from flexlink.common.types import Array
+from flexlink.common.types import Array, Indices
 from flexlink.dynamics import rounding
 from flexlink.dynamics.forces import about, damping_slope
 from flexlink.kernels.derivatives.small_motion import HINGE, mass_products, multiply, set_state, small_motion
@@ -24,9 +23,7 @@ SMALLEST = 1e-8
 class SmallMotion:
     """K = ∂(T_GC + T_FL)/∂q, C = ∂(T_GC + T_FR)/∂q̇ and M at constant rates; joints may be locked."""
 
-    def __init__(
-        self, chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool, free: NDArray[np.intp]
-    ) -> None:
+    def __init__(self, chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool, free: Indices) -> None:
         if qd.any() and (others := ", ".join(name for name in chain.forces if name not in POTENTIALS)):
             why = "equilibria at given rates, and steady motions of more than 100 joints, do not support"
             raise ArgumentError(f"{chain.name}: {why} {others}; leave them out", id="arguments-not-counted")

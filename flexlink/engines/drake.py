@@ -343,9 +343,8 @@ def _axis(joint: Any) -> Array:
 def _behind(plant: Any, joints: list[Any]) -> Indices:
     """Return the last degree of freedom that moves each body: −1 if it is fixed, the last rotation if it floats."""
     carrier = {int(joint.child_body().index()): k for k, joint in enumerate(joints)}
-    carrier |= {
-        int(joint.child_body().index()): 2 for joint in joints if isinstance(joint, tree.QuaternionFloatingJoint)
-    }
+    floats = (joint for joint in joints if isinstance(joint, tree.QuaternionFloatingJoint))
+    carrier |= {int(joint.child_body().index()): 2 for joint in floats}
     every = [plant.get_joint(index) for index in plant.GetJointIndices()]
     parent = {int(joint.child_body().index()): int(joint.parent_body().index()) for joint in every}
     behind = np.full(plant.num_bodies(), -1, dtype=np.intp)

@@ -91,11 +91,8 @@ FEATURES = _features()
 def unsupported(scene: Scene, chain: Chain, *, format: str) -> dict[str, str]:
     """Return the features of a scene, and of its chain, that a format cannot represent, and what happens instead."""
     require_one_of("format", format, dict.fromkeys(("urdf", "mjcf", "sdf")))
-    return {
-        name: instead[format]
-        for name, (there, instead) in FEATURES.items()
-        if format in instead and there(scene, chain)
-    }
+    known = ((name, there, instead[format]) for name, (there, instead) in FEATURES.items() if format in instead)
+    return {name: instead for name, there, instead in known if there(scene, chain)}
 
 
 def storage_note(target: Path, missing: Mapping[str, str], *, format: str) -> Diagnostic:

@@ -22,18 +22,10 @@ from flexlink.kernels.stepping.implicit_layout import ImplicitWork
 from flexlink.kernels.stepping.saturation import choose_branches
 from flexlink.kernels.stepping.step_state import COUNT, SO_FAR, STEPPER
 from flexlink.kernels.tools.machine_code import direct
-from flexlink.motion.inputs.drives import remembered as remembered_by
+from flexlink.motion import step_workspace
+from flexlink.motion.inputs.drives import remembered
 from flexlink.motion.method_choice import cheapest, fastest_motion, prices, tumbles
 from flexlink.motion.step_settings import longest_step, longest_step_of, settings, with_own_limits
-from flexlink.motion.step_workspace import (
-    FEW_PASSES,
-    drive_gains,
-    friction_laws,
-    own_gains,
-    remembered,
-    stages_of,
-    workspace,
-)
 from flexlink.motion.stop_times import StopTimes, only
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
@@ -64,7 +56,7 @@ class MethodSteps:
         self.by_drive, self.halved, self.passes = by_drive, halved, passes
         self.given, self.inputs = record.inputs, with_own_limits(record.inputs)
         self.read = np.zeros(n)
-        self._gains: tuple[Inputs, tuple[Array, ...]] = record.inputs, own_gains(record)
+        self._gains: tuple[Inputs, tuple[Array, ...]] = record.inputs, step_workspace.own_gains(record)
         self.memory, self.tau, self.count = np.zeros(3 * n + 2), np.zeros(n), np.zeros(COUNT.size, np.int64)
         self.state = self.memory[:n], self.memory[n : 2 * n], self.memory[2 * n : -2], self.memory[-2:]
         self.forward = record.scratch
@@ -73,7 +65,7 @@ class MethodSteps:
 
     def start(self, record: Record) -> None:
         """Start from the first sample of a record; from the third start in one state on, everything is prepared."""
-        memory = remembered_by(record.inputs.drive)
+        memory = remembered(record.inputs.drive)
         state = record.q[0], record.qd[0], record.t[:1], *memory
         about = [record.run, *(array.tobytes() for array in state)]
         last, prepared = self._started
@@ -99,7 +91,7 @@ class MethodSteps:
         record.begin()
         if self.given is not record.inputs:  # a simulator has acted
             self.given, self.inputs = record.inputs, with_own_limits(record.inputs)
-            self._gains = record.inputs, own_gains(record)
+            self._gains = record.inputs, step_workspace.own_gains(record)
         self.memory[:], self.count[:], self.read[:] = 0.0, 0, 0.0
         self.state[0][:], self.state[1][:] = record.q[0], record.qd[0]
         self.methods: tuple[tuple[int, str, str], ...] = ()
@@ -157,12 +149,12 @@ class MethodSteps:
 
     @property
     def _changing(self) -> tuple[NDArray[Any], ...]:
-        return self.memory, self.count, self.work.stepper, *stages_of(self.work)
+        return self.memory, self.count, self.work.stepper, *step_workspace.stages_of(self.work)
 
     def _put_gains(self) -> None:
         chain, given = self.record.chain, self.given
         if self._gains[0] is not given:
-            self._gains = given, drive_gains(chain, given)
+            self._gains = given, step_workspace.drive_gains(chain, given)
         kp, kd, kick = self._gains[1]
         self.work.springs.impulse[:] = kick + self.read
         for gains in (self.work.springs, self.work.saturation):
@@ -198,16 +190,15 @@ class MethodSteps:
     def step_in_parts(self) -> bool:
         """Complete a fixed step in 2, 4, … or 64 parts; return whether this succeeds.
 
-        Each division continues from where the previous one ended. If all fail, they are repeated with the nonlinear law
-        of dry friction, because its slope does not show where a joint stops or reverses. The step ends exactly at the
-        time of the undivided step, and the next step starts as after a knot.
+        Each division continues from the previous one. If all fail, they are repeated with the nonlinear law of dry
+        friction, whose slope does not show where a joint stops. The step ends exactly at its time, as at a knot.
         """
         (*fixed, _, _), knots, now, count = self.settings, self.knots, self.work.stepper, self.count
         step, k, start = self.run.fixed_step, int(count[COUNT.knot]), float(now[STEPPER.time])
         at_knot = start + adaptive.NEARLY * step >= knots[0][k]
         end = float(knots[0][k]) if at_knot else start + step
         try:
-            for now[STEPPER.turning] in friction_laws(self.work):
+            for now[STEPPER.turning] in step_workspace.friction_laws(self.work):
                 # halving the step makes Newton's iteration converge 4 times as fast
                 solved = any(self._solved_in((end - start) / parts, end, fixed) for parts in (2, 4, 8, 16, 32, 64))
                 if solved:
@@ -256,7 +247,7 @@ class MethodSteps:
         self.methods = *(other for other in self.methods if other[0] < first), (first, *choice)
         self.method = method(self.name)
         stages = self.method.stages
-        dearest = stages + self.method.more_stages if self.method.explicit else FEW_PASSES * stages
+        dearest = stages + self.method.more_stages if self.method.explicit else step_workspace.FEW_PASSES * stages
         self.dearest = dearest if self.run.controlled else 0
         self.work, self._at_first = self._scratch(), (self.evaluations, self.tries)
         start, rule, about = float(record.t[0]), self.method, (part.tobytes() for part in self.state[:2])
@@ -283,9 +274,9 @@ class MethodSteps:
         """Workspace of the method, new or reset."""
         kept, key, name = self.record.kept, (self.method, self.run.controlled), self.name
         work: EmbeddedWork | ImplicitWork
-        work = kept(("scratch", name), key, lambda: workspace(self.method, self.record, self.slowest))
-        new = kept(("new scratch", name), key, lambda: [array.copy() for array in remembered(work)])
-        for array, value in zip(remembered(work), new, strict=True):
+        work = kept(("scratch", name), key, lambda: step_workspace.workspace(self.method, self.record, self.slowest))
+        new = kept(("new scratch", name), key, lambda: [array.copy() for array in step_workspace.remembered(work)])
+        for array, value in zip(step_workspace.remembered(work), new, strict=True):
             array[:] = value
         work.stepper[STEPPER.inverse_ω1] = 1.0 / self.slowest
         if self.record.base is not None:
@@ -303,9 +294,8 @@ class MethodSteps:
             find = functools.partial(direct, adaptive.begin_tied, *tied, types=types)
             satisfy = kept(("tied", self.name), (types, self.method), find)
             self._begin = lambda *start: (begin(*start), satisfy(*tied))
-        self._take_steps = kept(
-            ("steps", self.name), (types, self.method), lambda: direct(adaptive.advance, *steps, types=types)
-        )
+        take = functools.partial(direct, adaptive.advance, *steps, types=types)
+        self._take_steps = kept(("steps", self.name), (types, self.method), take)
 
     def _arguments(self, most: int) -> tuple[Any, ...]:
         of_the_method = self.work, self.forward, self.inputs, self.settings

@@ -21,24 +21,11 @@ from flexlink.describe.spec import build_unchecked, build_validated
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.kernels.inputs.record import Drive
 from flexlink.kernels.tools.machine_code import types_of
+from flexlink.motion import verification
 from flexlink.motion.inputs.drives import recall, remembered
 from flexlink.motion.inputs.problem import problem_of, started, started_from
 from flexlink.motion.monitor import Monitor
 from flexlink.motion.tolerable import Thresholds, compared_with, estimated_error, extrapolated, shown_by, stated_of
-from flexlink.motion.verification import (
-    GIVEN_UP,
-    PART,
-    coarser_run,
-    doubt,
-    exceeded,
-    is_exceeded,
-    multiplies,
-    needs_comparison,
-    runs_of_other_order,
-    second_runs,
-    unknown,
-    unrepeated,
-)
 from flexlink.results.record import Record, derived
 from flexlink.results.samples import StatedError
 from flexlink.results.stop_reasons import (
@@ -206,16 +193,15 @@ def _stepper(record: Record, control: Control | None, *, halved: bool, passes: b
 def settled(first: Monitor, before: Array | None, stop: Stop) -> Monitor:
     """The run to return with its stated error: the first one, or a finer one if its error exceeds the tolerance.
 
-    Where steps may hide errors, or motion amplifies them, the run is compared with others. `before`: torques on their
-    way when an earlier run ended.
+    Where steps may hide errors, or motion amplifies them, the run is compared with others. `before`: as in `SingleRun`.
     """
     stated = first.stated = stated_of(first)
     if first.control is not None:  # a law in Python may have internal states, so its runs cannot be repeated
         if (error := float(stated.tip[-1])) > Thresholds.unrepeated * first.tolerance:
-            grown = multiplies(first) or error > Thresholds.tolerable * first.tolerance
-            first.warnings.append(exceeded(first, error) if grown else unrepeated(first, error))
-    elif needs_comparison(first):
-        if (coarser := coarser_run(first)) and (other := _other(first, coarser, before, stop, 0)):
+            grown = verification.multiplies(first) or error > Thresholds.tolerable * first.tolerance
+            first.warnings.append((verification.exceeded if grown else verification.unrepeated)(first, error))
+    elif verification.needs_comparison(first):
+        if (coarser := verification.coarser_run(first)) and (other := _other(first, coarser, before, stop, 0)):
             found = shown_by(other, first)
             if found.tip.max() <= first.tolerance:
                 return _confirmed(first, first, found)
@@ -231,8 +217,9 @@ def _compared(first: Monitor, before: Array | None, stop: Stop) -> Monitor:
     that of the earlier run ended, or at the start of the motion, so that it shows the error handed on.
     """
     record, motion, stated = first.record, first.before, first.stated or stated_of(first)
-    part = min(PART, float(first.tolerance / stated.tip[-1]) ** 0.5)
-    finer = runs_of_other_order(first.run, first.steps.method, record.chain.size, record.least_tolerance, part)
+    part = min(verification.PART, float(first.tolerance / stated.tip[-1]) ** 0.5)
+    size, least = record.chain.size, record.least_tolerance
+    finer = verification.runs_of_other_order(first.run, first.steps.method, size, least, part)
     gap = wider = None  # of the last run but one, from the last; of the run before it
     runs, distance = [first], None  # distance of the last two runs, in tolerances
     with contextlib.suppress(StopIteration):
@@ -257,7 +244,7 @@ def _compared(first: Monitor, before: Array | None, stop: Stop) -> Monitor:
         again = next(finer, None)
         return _nearer(first, gap, _other(first, again, before, stop, len(runs)) if again else None, runs[-1])
     if not stop.requested:
-        first.warnings.append(unknown(first))
+        first.warnings.append(verification.unknown(first))
     return first
 
 
@@ -275,8 +262,8 @@ def _confirmed(run: Monitor, first: Monitor, found: StatedError) -> Monitor:
     if run is not first:
         run.scene, run.warnings = first.scene, [*dict.fromkeys([*first.warnings, *run.warnings])]
         run.steps = run.steps._replace(why=f"{first.steps.method} missed the tolerance")
-    if is_exceeded(first, error):
-        run.warnings.append(exceeded(first, error))
+    if verification.is_exceeded(first, error):
+        run.warnings.append(verification.exceeded(first, error))
     return run
 
 
@@ -297,7 +284,7 @@ def _other(
         return dataclasses.replace(problem, inputs=problem.inputs._replace(drive=drive))
 
     fewest = 2000  # of a run that is given up: a short part of a motion, or one without vibrations, takes very few
-    most = GIVEN_UP * max(fewest, first.steps.evaluations) * (1.0 + longer / run.duration)
+    most = verification.GIVEN_UP * max(fewest, first.steps.evaluations) * (1.0 + longer / run.duration)
     halved = k > 0 and run.method == first.steps.method
     try:
         settings = build_validated(replace, run, duration=run.duration + longer) if longer else run
@@ -319,9 +306,9 @@ def verify(monitor: Monitor, stop: Stop) -> Iterator[Diagnostic]:
     """Compare a finished run with fixed steps with verification runs; yield a warning if they contradict it."""
     text = Diagnostic("", "")
     own, problem = monitor.steps.evaluations, monitor.record.problem
-    for second in second_runs(monitor):
-        text = text or unknown(monitor)
-        most = min(second.run.max_evaluations, GIVEN_UP * own)
+    for second in verification.second_runs(monitor):
+        text = text or verification.unknown(monitor)
+        most = min(second.run.max_evaluations, verification.GIVEN_UP * own)
         limited = replace(second.run, max_evaluations=most) if second.run.controlled else second.run
         try:
             again = replace(problem.scene, run=limited)  # fails if the start is not a multiple of the new step
@@ -333,12 +320,12 @@ def verify(monitor: Monitor, stop: Stop) -> Iterator[Diagnostic]:
             return
         evaluations, wrong, failure = other.monitor.steps.evaluations, other.monitor.failure, other.steps.failure
         limited_out = failure is not None and failure.kind is EvaluationLimitError and not wrong
-        if limited_out or evaluations > GIVEN_UP * own:
+        if limited_out or evaluations > verification.GIVEN_UP * own:
             break
         # a step of 2 h taken in two parts equals two steps of the first run, so the runs would agree trivially
         in_parts = not second.run.controlled and other.steps.steps.failed > 0
         if not (wrong or failure or in_parts):
-            text = doubt(monitor, second, other.monitor.record.compared(other.monitor.n_valid))
+            text = verification.doubt(monitor, second, other.monitor.record.compared(other.monitor.n_valid))
             monitor.confirmed = not text
             if not text or second.strict or evaluations > own:
                 break

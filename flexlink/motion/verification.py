@@ -86,10 +86,9 @@ def needs_comparison(monitor: Monitor) -> bool:
 def _switches(monitor: Monitor) -> bool:
     """Whether torques jump often, ties have springs, or a rigid model controls springs: errors then add up.
 
-    Torques or their derivatives jump where a table changes them, where motors reach their limits, and where steps are
-    rejected; this may deceive error estimates. Among 280 runs with motors at their limits that do not turn far, those
-    whose errors exceeded three tolerances rejected at least 0.15 of their steps. A motor that is mostly at its limit
-    holds nothing: the arm may balance like an upright pendulum, and so amplify errors.
+    Torques jump where a table changes, motors reach limits, and steps are rejected, which may deceive error estimates.
+    Of 280 runs with motors at limits that do not turn far, those with errors above three tolerances rejected 0.15 of
+    their steps or more. A motor at its limit holds nothing, as of an upright pendulum.
     """
     record, drive, steps = monitor.record, monitor.record.inputs.drive, monitor.steps
     if record.problem.ties is not None and np.isfinite(record.problem.ties[0]["stiffness"]).any():
@@ -106,9 +105,8 @@ def _switches(monitor: Monitor) -> bool:
 def coarser_run(monitor: Monitor) -> RunSettings | None:
     """Settings of a run of ten times the tolerance, whose distance shows the error; None if it may have the same error.
 
-    Its error may be the same if an earlier run handed it on, if stability limits the steps, if these end at the
-    instants of a sampled law or of a table, or if vibrations last that the method damps: a falling arm had errors of 4
-    to 6 mm with any tolerance between 10 and 1 mm.
+    It may have it if an earlier run handed it on, if stability, or instants of a law or table limit the steps, or if
+    vibrations last that the method damps: a falling arm had 4 to 6 mm with any tolerance from 10 to 1 mm.
     """
     run, record, drive = monitor.run, monitor.record, monitor.record.inputs.drive
     steps_alike = monitor.before is not None or method(monitor.steps.method).explicit or drive.rate
@@ -220,10 +218,8 @@ def _stricter_and_stricter(monitor: Monitor) -> Iterator[Second]:
 
 
 def _within(run: RunSettings, tolerance: float) -> RunSettings:
-    solver = RunSettings().solver
-    return replace(
-        run, method=AUTO, step=None, tolerance=tolerance, relative_tolerance=None, sample=run.spacing, solver=solver
-    )
+    adaptive = replace(run, method=AUTO, step=None, tolerance=tolerance, relative_tolerance=None)
+    return replace(adaptive, sample=run.spacing, solver=RunSettings().solver)
 
 
 def _tolerance(monitor: Monitor) -> float:

@@ -61,11 +61,9 @@ class Balance:
         self.seen[SEEN.start : SEEN.start + 3] = energy
         self.seen[SEEN.low : SEEN.low + 3] = self.seen[SEEN.high : SEEN.high + 3] = tip
 
-    def look(
-        self, first: int, stop: int, samples: tuple[Array, ...], allowance: Allowance = NOTHING
-    ) -> tuple[int, int]:
-        """Check samples by `look_at`; return the index of the first invalid one (or `stop`) and its fault (WRONG)."""
-        row, wrong = self.compile(samples)(first, stop, samples, self.chain.hinges, self.bounds, allowance, self.seen)
+    def look(self, first: int, end: int, samples: tuple[Array, ...], allowance: Allowance = NOTHING) -> tuple[int, int]:
+        """Check samples by `look_at`; return the index of the first invalid one (or `end`) and its fault (WRONG)."""
+        row, wrong = self.compile(samples)(first, end, samples, self.chain.hinges, self.bounds, allowance, self.seen)
         return row, wrong
 
     def compile(self, samples: tuple[Array, ...]) -> Callable[..., tuple[int, int]]:

@@ -40,8 +40,7 @@ class SweepOutput(Spec, frozen=True):
     default "final". "largest" is the largest absolute value, "range" is maximum − minimum. Only samples from the time
     `after` [s] on are used. "steps" and "evaluations" are counts of the run, "error [m]" is its largest stated error.
     "settling time [s]" needs a `tolerance` [m]. Settling time and "overshoot [m]" take a `target`: a point in frame 0,
-    "final" (the final position of the tip), or "rest" (its static equilibrium under gravity and tip wrench, with the
-    joints at their final angles).
+    "final" (the tip's last position), or "rest" (its static equilibrium, with the joints at their final angles).
     """
 
     of: str
@@ -167,9 +166,7 @@ def measured(quantities: Mapping[str, SweepOutput], run: Trajectory) -> tuple[tu
     return tuple(values), "; ".join(reasons)
 
 
-def measured_together(
-    quantities: Mapping[str, SweepOutput], block: Block
-) -> list[tuple[tuple[float | None, ...], str]]:
+def measured_together(quantities: dict[str, SweepOutput], block: Block) -> list[tuple[tuple[float | None, ...], str]]:
     """`measured` for every member of a block, in order."""
     try:
         with np.errstate(all="ignore"):

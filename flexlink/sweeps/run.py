@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import signal
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
+from contextlib import AbstractContextManager, suppress
 from itertools import islice
 from pathlib import Path
 
@@ -115,9 +115,7 @@ def sweep(
         return SweepRows(tuple(columns), tuple(rows))
 
 
-def fill(
-    store: Store, workers: contextlib.AbstractContextManager[WorkerPool], progress: Callable[[float], None]
-) -> None:
+def fill(store: Store, workers: AbstractContextManager[WorkerPool], progress: Callable[[float], None]) -> None:
     """Run the members that have no row."""
     plan, done, members = store.plan, store.count(), len(store.members)
     if done == members:
@@ -143,7 +141,7 @@ def preflight(plan: Plan) -> None:
     apply_changes(plan.sweep.scene.document(), FIELDS, changes)
     columns: list[str] = []
     for number in {0, plan.members - 1}:
-        with contextlib.suppress(FlexlinkError):  # the sweep reports the error in this member's row
+        with suppress(FlexlinkError):  # the sweep reports the error in this member's row
             scene, _ = plan.member(number)
             start = problem_of(scene, tied=True)
             columns += trajectory_from_states(start, scene.run.times[:1], start.q[None], start.qd[None]).columns
@@ -157,7 +155,7 @@ def preflight(plan: Plan) -> None:
                 raise SceneError(why, id="unknown-quantity")
     chain = lump(open_chain(plan.sweep.scene))
     for engine in plan.engines:
-        with contextlib.suppress(ArgumentError):  # an unknown engine, or one that does not support this chain
+        with suppress(ArgumentError):  # an unknown engine, or one that does not support this chain
             load(engine, chain)
 
 

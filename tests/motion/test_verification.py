@@ -79,13 +79,13 @@ def test_a_run_whose_steps_miss_an_impact_is_doubted() -> None:
 
 
 def test_a_run_with_subdivided_steps_is_not_compared_with_doubled_steps(monkeypatch) -> None:
-    used = []
+    used, doubted = [], second_run.doubt
 
     def doubt(monitor: Monitor, second: Second, tip: np.ndarray) -> str:
         used.append(second.run)
-        return second_run.doubt(monitor, second, tip)
+        return doubted(monitor, second, tip)
 
-    monkeypatch.setattr(single, "doubt", doubt)
+    monkeypatch.setattr(second_run, "doubt", doubt)
     run = fl.simulate(random_jump(Dice(659)), method="Gauss6", step=0.005, sample=0.05)
     assert run.steps is not None
     assert run.steps.failed > 0
@@ -159,11 +159,10 @@ def test_tumbling_rigid_bodies_run_explicitly_and_follow_eulers_equations() -> N
 
 
 def test_an_expensive_verification_run_is_abandoned_with_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(single, "GIVEN_UP", 0.1)
     monkeypatch.setattr(second_run, "GIVEN_UP", 0.1)
     run = fl.simulate(swung(), method="Radau5", step=0.17 / 8)
     (warning,) = doubts(run, "no-comparison-run")
-    assert str(single.GIVEN_UP) in warning
+    assert str(second_run.GIVEN_UP) in warning
 
 
 def spinning(rate: float) -> fl.Scene:
@@ -241,7 +240,7 @@ def test_a_coarser_run_is_enough_where_it_shows_a_small_error(monkeypatch: pytes
     scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied({"initial.joint_deg": (0.0, 70.0, 90.0)})
     varied = scene.varied({"run": fl.RunSettings(tolerance=1e-3, sample=0.05, duration=0.9)})
     exact = fl.simulate(varied, tolerance=1e-8)
-    monkeypatch.setattr(single, "runs_of_other_order", None)  # not called
+    monkeypatch.setattr(second_run, "runs_of_other_order", None)  # not called
     run = fl.simulate(varied)
     assert run.stated is not None
     assert run.stated.compared
@@ -253,14 +252,14 @@ def test_an_interrupted_verification_run_confirms_nothing(monkeypatch: pytest.Mo
     scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied({"initial.joint_deg": (0.0, 70.0, 90.0)})
     varied = scene.varied({"run": fl.RunSettings(tolerance=1e-3, sample=0.1, duration=2.5)})
     run = single.SingleRun(problem_of(varied))
-    stop, began = Stop(), []
+    stop, began, finer = Stop(), [], second_run.runs_of_other_order
 
     def stopped(run: fl.RunSettings, name: str, *sizes: float) -> Iterator[fl.RunSettings]:
         stop.signal = signal.SIGINT
         began.append(name)
-        return second_run.runs_of_other_order(run, name, *sizes)
+        return finer(run, name, *sizes)
 
-    monkeypatch.setattr(single, "runs_of_other_order", stopped)
+    monkeypatch.setattr(second_run, "runs_of_other_order", stopped)
     with pytest.raises(fl.errors.InterruptedRunError):
         run.finish(stop)
     assert began

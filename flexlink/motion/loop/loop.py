@@ -237,9 +237,7 @@ class Loop:
         if not self.rate or not estimate * self.rate < 50:
             return estimate
         unit = np.eye(len(self.inputs))[i]
-        return boundary(
-            lambda extra: self.growth_with(delay=self.delay + extra * unit), estimate / 20, up=True, factor=1.1
-        )
+        return boundary(lambda x: self.growth_with(delay=self.delay + x * unit), estimate / 20, up=True, factor=1.1)
 
     def _number(self, name: int | str) -> int:
         """Number of an input, given by its number, its name, or the name of its joint."""
