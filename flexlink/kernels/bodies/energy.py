@@ -3,7 +3,7 @@
 from flexlink.kernels.forces.elements import elastic_energy, forces_of
 from flexlink.kernels.geometry.kinematics import forward_kinematics, motion_of
 from flexlink.kernels.layout import SLIDES
-from flexlink.kernels.tools.compiler import kernel, recursion
+from flexlink.kernels.tools.compiler import kernel, recursion, subroutine
 from flexlink.kernels.tools.vec3 import ZERO, add, apply, apply_transposed, cross, dot, scale, sub, vector
 
 
@@ -29,7 +29,7 @@ def energies_of(chain, q, qd, placed, forces):
         p = vector(points[i])
         for k in range(b.first, b.stop):
             if chain.rare is not None and hinges[k].axis >= SLIDES:
-                v = add(v, scale(qd[k], vector(axes[k])))
+                v = slid(v, qd[k], axes[k])
             else:
                 ω = add(ω, scale(qd[k], vector(axes[k])))
             kinetic += 0.5 * hinges[k].armature * qd[k] ** 2
@@ -42,3 +42,9 @@ def energies_of(chain, q, qd, placed, forces):
     if forces is not None:
         elastic += elastic_energy(forces.elements, q)
     return kinetic, gravity, elastic
+
+
+@subroutine
+def slid(v, rate, axis):
+    """Velocity v + rate · axis of the point after a prismatic hinge, from the velocity v of the point before it."""
+    return add(v, scale(rate, vector(axis)))
