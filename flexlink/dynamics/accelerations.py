@@ -204,7 +204,7 @@ def lanes_workspace(solver: solvers.Solver, chains: Sequence[Chain]) -> Any:
     rare = None
     if any(c.arrays.rare is not None for c in eight):
         rare = Rare(*(_stacked([c.force(name) for c in eight]) for name in Rare._fields))
-    return solver.lanes_workspace(bodies, hinges, _stacked([c.gravity for c in eight]), rare)
+    return solver.lanes_workspace(ChainArrays(bodies, hinges, _stacked([c.gravity for c in eight]), rare))
 
 
 def _stacked(records: Sequence[NDArray[Any]]) -> NDArray[Any]:
@@ -226,6 +226,6 @@ def _shaped_solver(chain: Chain) -> solvers.Solver:
     shapes = chain.shapes
 
     def workspace(arrays: ChainArrays) -> Any:
-        return shaped_workspace(arrays, shapes, planar_workspace(*arrays) if chain.is_planar else rne_workspace(arrays))
+        return shaped_workspace(arrays, shapes, planar_workspace(arrays) if chain.is_planar else rne_workspace(arrays))
 
     return solvers.Solver(workspace)

@@ -198,7 +198,7 @@ def inverse_derivatives(chain: Chain) -> Bound:
 def forward_derivatives(chain: Chain) -> Bound:
     """Derivatives of a chain's forward dynamics, a function of (wrench, q, qd, tau, found)."""
     arrays = chain.arrays
-    work = planar_derivatives_workspace(arrays) if chain.is_planar else forward_derivatives_workspace(*arrays)
+    work = planar_derivatives_workspace(arrays) if chain.is_planar else forward_derivatives_workspace(arrays)
     return derivatives_by(chain, work)
 
 

@@ -51,7 +51,7 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     numbers[STEPPER.read] = read_by(method)[1]
     own, forces = (None, None) if arrays.rare is None else (np.zeros((2, n)), forces_of(arrays))
     springs = Springs(kp, kd, own, kick, np.zeros((n, width)), *np.zeros((2, n)))
-    inverse = planar_workspace(*arrays) if chain.is_planar else rne_workspace(arrays)
+    inverse = planar_workspace(arrays) if chain.is_planar else rne_workspace(arrays)
     saturation = Saturation(*(gain.copy() for gain in gains[:2]), *np.zeros((5, n)))
     if method.explicit:
         coefficients = EmbeddedMethod(*method.arrays, method.error, *(method.dense or (None, None, None)))

@@ -71,7 +71,7 @@ def test_the_highest_frequency_is_exact_with_enough_iterations(name: str, tmp_pa
     """The usual result is inexact only because few iterations suffice, not because a coupling is missing."""
     chain = CHAINS[name](tmp_path)
     q, coupled = 0.3 * state(chain)[0], np.ascontiguousarray(chain.couplings["stiffness"])
-    posture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
+    posture = (plane_posture if chain.is_planar else space_posture)(chain.arrays)
     found = largest_eigenvalue(chain.arrays, q, chain.stiffness, coupled, 100_000, 1e-13, posture)
     wanted = linalg.eigh(chain.matrix("stiffness"), fl.mass_matrix(chain, q), eigvals_only=True)[-1]
     assert found == pytest.approx(wanted, rel=1e-8)

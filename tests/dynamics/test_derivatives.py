@@ -104,7 +104,7 @@ def test_planar_and_spatial_recursions_give_the_same_derivatives(rng: np.random.
         state = rng.normal(size=6), q, qd, rng.normal(size=chain.n)
         plane, space = np.empty((2, 3, chain.n, chain.n))
         assert chain.is_planar and derivatives_by(chain, planar_derivatives_workspace(chain.arrays))(*state, plane)
-        assert derivatives_by(chain, forward_derivatives_workspace(*chain.arrays))(*state, space)
+        assert derivatives_by(chain, forward_derivatives_workspace(chain.arrays))(*state, space)
         assert max(map(off, plane, space)) <= CLOSE
 
 

@@ -31,7 +31,7 @@ def states(chain: fl.Chain) -> tuple[np.ndarray, ...]:
 def torques(name: str) -> np.ndarray:
     """M q̈ + T_GC of one state, computed by each recursion."""
     chain, found = CHAINS[name].arrays, []
-    for work in [rne_workspace(chain)] + [planar_workspace(*chain)] * (name == "planar"):
+    for work in [rne_workspace(chain)] + [planar_workspace(chain)] * (name == "planar"):
         tau = np.empty(len(chain.hinges))
         inverse_dynamics_into(chain, WRENCH, *states(CHAINS[name]), tau, work)
         found.append(tau)

@@ -52,7 +52,7 @@ def prepared(name: str) -> tuple[np.ndarray, Work, np.ndarray, np.ndarray]:
     squares, shapes = eigh(chain.matrix("stiffness"), fl.mass_matrix(chain, q))
     ω, numbers = np.sqrt(np.maximum(squares, 0.0)), np.zeros(STEPPER.size)
     ω[:2], numbers[STEPPER.inverse_ω1] = 0.0, 1.0 / ω[2]
-    posture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
+    posture = (plane_posture if chain.is_planar else space_posture)(chain.arrays)
     springs = Springs(*np.zeros((2, n)), None, np.zeros(n), np.zeros((n, columns(posture.first))), *np.zeros((2, n)))
     return q, Work(chain.arrays, posture, numbers, springs), ω, shapes
 

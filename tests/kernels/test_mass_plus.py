@@ -45,7 +45,7 @@ def displaced(q, change, posture):
 
 
 def posture_of(chain: fl.Chain) -> tuple:
-    return (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
+    return (plane_posture if chain.is_planar else space_posture)(chain.arrays)
 
 
 @compiled

@@ -75,7 +75,7 @@ def test_planar_torques_equal_those_of_the_spatial_recursion(rng: np.random.Gene
         assert chain.is_planar
         q, qd = random_state(chain, rng)
         qdd, planar, spatial = rng.normal(0, 20, chain.n), np.empty(chain.n), np.empty(chain.n)
-        work = planar_workspace(*chain.arrays)
+        work = planar_workspace(chain.arrays)
         powers = [
             inverse_dynamics_into(chain.arrays, wrench, q, qd, qdd, tau, scratch)
             for tau, scratch in ((planar, work), (spatial, rne_workspace(chain.arrays)))
@@ -135,7 +135,7 @@ def test_angles_of_any_size_keep_full_accuracy(turns: float, rng: np.random.Gene
     assert errors_beside_space(chain, q, rng) < 1e-12
     planar, spatial = (np.empty(chain.n) for _ in range(2))
     qdd = rng.normal(size=chain.n)
-    for tau, work in ((planar, planar_workspace(*chain.arrays)), (spatial, rne_workspace(chain.arrays))):
+    for tau, work in ((planar, planar_workspace(chain.arrays)), (spatial, rne_workspace(chain.arrays))):
         inverse_dynamics_into(chain.arrays, np.zeros(6), q, np.zeros(chain.n), qdd, tau, work)
     np.testing.assert_allclose(planar, spatial, rtol=0, atol=1e-12 * np.abs(spatial).max())
 

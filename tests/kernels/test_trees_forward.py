@@ -15,7 +15,7 @@ from flexlink.kernels.forward.inverse_mass import solve_on_articulated
 from flexlink.kernels.forward.mass_plus_space import space_posture
 from flexlink.kernels.forward.power_iteration import largest_eigenvalue
 from flexlink.kernels.forward.solvers import dense, dense_workspace
-from flexlink.kernels.layout import SLIDES, Rare
+from flexlink.kernels.layout import SLIDES, ChainArrays, Rare
 from flexlink.kernels.tools.compiler import kernel
 from flexlink.kernels.tools.lanes import LANES
 from tests.support.words import refused
@@ -51,7 +51,7 @@ def state_of(chain: fl.Chain, rng: np.random.Generator) -> np.ndarray:
 @kernel
 def by_articulated_bodies(chain, wrench, state):
     """Write q̈ to the last row, and τ of given motions to the third; return the power."""
-    work = articulated_workspace(chain.bodies, chain.hinges, chain.gravity, chain.rare)
+    work = articulated_workspace(chain)
     return articulated(wrench, state[0], state[1], state[2], state[3], work)
 
 
@@ -69,7 +69,7 @@ def side_by_side(work, wrench, state):
 
 @kernel
 def solved_on_articulated(chain, wrench, state, r, x):
-    work = articulated_workspace(chain.bodies, chain.hinges, chain.gravity, chain.rare)
+    work = articulated_workspace(chain)
     articulated(wrench, state[0], state[1], state[2], state[3], work)
     solve_on_articulated(r, np.zeros((len(chain.bodies), 6, LANES)), x, work)
 
@@ -128,7 +128,7 @@ def test_eight_states_and_eight_chains_in_simd_lanes_equal_single_ones(rng) -> N
         *arrays, rare = zip(*(one.arrays for one in chains), strict=True)
         arrays = [*map(np.stack, arrays), None if rare[0] is None else Rare(*map(np.stack, zip(*rare, strict=True)))]
         wrench, state = rng.normal(size=(6, LANES)), np.stack([state_of(chain, rng) for _ in chains], axis=2)
-        side_by_side(articulated_lanes_workspace(*arrays), wrench, state)
+        side_by_side(articulated_lanes_workspace(ChainArrays(*arrays)), wrench, state)
         for lane, one in enumerate(chains):
             assert missed(one, wrench[:, lane].copy(), state[:, :, lane]) <= 1, (seed, lane)
 
@@ -159,5 +159,5 @@ def test_the_largest_eigenvalue_of_a_tree_equals_that_of_dense_matrices(rng) -> 
     q = rng.uniform(-1, 1, chain.n)
     λ = np.linalg.eigvals(np.linalg.solve(fl.mass_matrix(chain, q), np.diag(chain.stiffness))).real.max()
     none = np.zeros(len(chain.couplings))
-    found = largest_eigenvalue(chain.arrays, q, chain.stiffness, none, 100_000, 1e-13, space_posture(*chain.arrays))
+    found = largest_eigenvalue(chain.arrays, q, chain.stiffness, none, 100_000, 1e-13, space_posture(chain.arrays))
     assert found == pytest.approx(λ, rel=1e-6)

@@ -59,7 +59,7 @@ Posture = PlanePosture | SpacePosture | ShapedPosture
 
 def scratch(chain: Chain) -> Posture:
     """Workspace for configurations of a chain."""
-    posture: PlanePosture | SpacePosture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
+    posture: PlanePosture | SpacePosture = (plane_posture if chain.is_planar else space_posture)(chain.arrays)
     return posture if chain.shapes is None else shaped_posture(chain.arrays, chain.shapes, posture)
 
 

@@ -78,7 +78,7 @@ def model_of(chain: Chain, *, extra: bool = False) -> Model:
     more = [tape.input() for _ in extra_inputs() if extra]
     arrays, wrench = _with_parameters(chain, more[6:]), np.array(more[:6] or np.zeros(6), object)
     if chain.shapes is None:
-        work = on_tape(planar_workspace if chain.is_planar else articulated_workspace)(*arrays)
+        work = on_tape(planar_workspace if chain.is_planar else articulated_workspace)(arrays)
     else:
         work = on_tape(shaped_workspace)(arrays, chain.shapes, _inverse_workspace(chain, arrays))
     on_tape(forward_dynamics)(wrench, q, qd, tau, qdd, work)
@@ -120,7 +120,7 @@ def _state(chain: Chain, x: list[Number], u: list[Number]) -> tuple[Objects, Obj
 
 
 def _inverse_workspace(chain: Chain, arrays: ChainArrays) -> Any:
-    return on_tape(planar_workspace)(*arrays) if chain.is_planar else on_tape(rne_workspace)(arrays)
+    return on_tape(planar_workspace if chain.is_planar else rne_workspace)(arrays)
 
 
 def implicit_of(model: Model) -> tuple[Indices, Objects, Objects, Objects]:

@@ -14,11 +14,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.geometry.branches import fork_lanes, fork_rows, rows_of_forks
+from flexlink.kernels.geometry.branches import fork_lanes, fork_rows
 from flexlink.kernels.geometry.kinematics import KinematicsWork, kinematics, kinematics_workspace
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.address import records
-from flexlink.kernels.tools.compiler import allocating, inlined, kernel, recursion, subroutine
+from flexlink.kernels.tools.compiler import allocating, inlined, kernel, recursion
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import (
     LANES,
@@ -54,7 +54,6 @@ from flexlink.kernels.tools.vec3 import (
     cross,
     cross_unit,
     dot,
-    put,
     scale,
     sub,
     turn,
@@ -91,9 +90,7 @@ def column(chain, start, j, last, M, turns, loads):
     """
     bodies, hinges = chain.bodies, chain.hinges
     α, a = unit(hinges[j].axis), ZERO
-    for i in range(start):
-        put(loads[i, 0], ZERO)
-        put(loads[i, 1], ZERO)
+    loads[:start] = 0.0
     for i in range(start, len(bodies)):
         b = bodies[i]
         first = j + 1
@@ -106,12 +103,11 @@ def column(chain, start, j, last, M, turns, loads):
             axis, c, s = hinges[k].axis, turns[k, 0], turns[k, 1]
             α, a = turn(axis, c, -s, α), turn(axis, c, -s, a)
         F = scale(b.mass, add(a, cross(α, vector(b.center))))
-        put(loads[i, 0], F)
-        put(loads[i, 1], add(apply(b.inertia, α), cross(vector(b.center), F)))
+        keep(loads, i, (F, add(apply(b.inertia, α), cross(vector(b.center), F))))
     f, n = ZERO, ZERO
     for i in range(len(bodies) - 1, -1, -1):
         b = bodies[i]
-        f, n = add(f, vector(loads[i, 0])), add(n, vector(loads[i, 1]))
+        f, n = added(loads, i, (f, n))
         for k in range(b.stop - 1, max(b.first, last) - 1, -1):
             axis, c, s = hinges[k].axis, turns[k, 0], turns[k, 1]
             M[k, j] = n[axis]
@@ -124,29 +120,10 @@ def column(chain, start, j, last, M, turns, loads):
     M[j, j] += hinges[j].armature
 
 
-@subroutine
-def before_slide(axis, q, f, n):
-    """Moment about the point before a prismatic joint, from force f and moment n at the point after it."""
-    return sub(n, scale(q, cross_unit(f, axis - SLIDES, 0.0)))
-
-
-@subroutine
-def wrench_of_slide(axis, m, h):
-    """Force and moment that accelerate bodies of mass m and first moment h by 1 m/s² along a prismatic joint."""
-    return scale(m, unit(axis - SLIDES)), cross(h, unit(axis - SLIDES))
-
-
-@subroutine
-def slid(axis, q, m, h, J):
-    """First moment and inertia about the point before a prismatic joint, from h and J about the point after it."""
-    r = scale(q, unit(axis - SLIDES))
-    return add(h, scale(m, r)), sym_add(J, sym_add(product_inertia(h, r), point_inertia(m, r)))
-
-
 @kernel
 def mass_columns(chain, q, M):
     """Write M as n full columns (Walker-Orin method 1)."""
-    turns, loads = turns_of(q), np.empty((len(chain.bodies), 2, 3))
+    turns, loads = turns_of(q), np.empty((len(chain.bodies), 6))
     for start in range(len(chain.bodies)):
         for j in range(chain.bodies[start].first, chain.bodies[start].stop):
             column(chain, start, j, 0, M, turns, loads)
@@ -156,7 +133,7 @@ def mass_columns(chain, q, M):
 @kernel
 def mass_lower(chain, q, M):
     """Write each column of M from the diagonal down (Walker-Orin method 2)."""
-    turns, loads = turns_of(q), np.empty((len(chain.bodies), 2, 3))
+    turns, loads = turns_of(q), np.empty((len(chain.bodies), 6))
     for start in range(len(chain.bodies)):
         for j in range(chain.bodies[start].first, chain.bodies[start].stop):
             column(chain, start, j, j, M, turns, loads)
@@ -177,22 +154,20 @@ def mass_upper(chain, q, M):
         if chain.rare is not None and b.fork > 0:
             m, h, J = added(beyond, start, (m, h, J))
         c = vector(b.center)
-        m += b.mass
-        h = add(h, scale(b.mass, c))
+        m, h = m + b.mass, add(h, scale(b.mass, c))
         J = sym_add(J, sym_add(symmetric(b.inertia), point_inertia(b.mass, c)))
         for j in range(b.stop - 1, b.first - 1, -1):
             axis = hinges[j].axis
             if chain.rare is not None and axis >= SLIDES:
-                f, n = wrench_of_slide(axis, m, h)
+                f, n = scale(m, unit(axis - SLIDES)), cross(h, unit(axis - SLIDES))
             else:
-                f = cross(unit(axis), h)
-                n = sym_apply(J, unit(axis))
+                f, n = cross(unit(axis), h), sym_apply(J, unit(axis))
             k, i = j, start
             while i >= 0:
                 while k >= bodies[i].first:
                     if chain.rare is not None and hinges[k].axis >= SLIDES:
                         M[k, j] = M[j, k] = f[hinges[k].axis - SLIDES]
-                        n = before_slide(hinges[k].axis, turns[k, 2], f, n)
+                        n = sub(n, scale(turns[k, 2], cross_unit(f, hinges[k].axis - SLIDES, 0.0)))
                     else:
                         M[k, j] = M[j, k] = n[hinges[k].axis]
                         c, s = turns[k, 0], turns[k, 1]
@@ -205,14 +180,13 @@ def mass_upper(chain, q, M):
                 k = bodies[i].stop - 1
             M[j, j] += hinges[j].armature
             if chain.rare is not None and axis >= SLIDES:
-                h, J = slid(axis, turns[j, 2], m, h, J)
+                r = scale(turns[j, 2], unit(axis - SLIDES))
+                J = sym_add(J, sym_add(product_inertia(h, r), point_inertia(m, r)))
+                h = add(h, scale(m, r))
             else:
-                c, s = turns[j, 0], turns[j, 1]
-                h = turn(axis, c, s, h)
-                J = sym_turn(axis, c, s, J)
+                h, J = turn(axis, turns[j, 0], turns[j, 1], h), sym_turn(axis, turns[j, 0], turns[j, 1], J)
         if b.turned:
-            h = apply(b.rotation, h)
-            J = sym_rotate(b.rotation, J)
+            h, J = apply(b.rotation, h), sym_rotate(b.rotation, J)
         r = vector(b.translation)
         J = sym_add(J, sym_add(product_inertia(h, r), point_inertia(m, r)))
         h = add(h, scale(m, r))
@@ -237,17 +211,9 @@ class CompositeWork(NamedTuple):
 def composite_workspace(chain):
     """Scratch of `composite` for a chain."""
     return CompositeWork(
-        kinematics_workspace(chain), np.empty((len(chain.hinges), 3)), masses_of_branches(chain), fork_rows(chain, 9),
+        kinematics_workspace(chain), np.empty((len(chain.hinges), 3)), fork_rows(chain), fork_rows(chain, 9),
         starts_of_branches(chain.bodies),
     )  # fmt: skip
-
-
-@allocating
-def masses_of_branches(chain):
-    """Scratch for the mass of the branches at every fork; None for a plain chain."""
-    if chain.rare is None:
-        return None
-    return np.empty(rows_of_forks(chain.bodies))
 
 
 @allocating
@@ -292,7 +258,9 @@ def composite(chain, q, M, work):
             put_vec_of(pivots, vec_of(points, i, 0), k, 0)
     o = zero_of(points, 0, 0)
     if work.forks is not None and rarely(len(work.forks) > 0):
-        begin_branches(M, work, o)
+        work.masses[:] = 0.0
+        work.forks[:] = 0.0
+        M[:] = 0.0  # entries for joints on different branches stay zero
     m, C, J = 0.0, (o, o, o), (o, o, o, o, o, o)
     for i in range(len(bodies) - 1, -1, -1):
         b = bodies[i]
@@ -339,18 +307,6 @@ def composite(chain, q, M, work):
 
 
 @inlined
-def begin_branches(M, work, o):
-    """Clear the composite bodies of the branches, and M, whose entries for joints on different branches stay zero."""
-    for row in range(len(work.masses)):
-        work.masses[row] = 0.0
-        for column in range(9):
-            put_at(work.forks, o, row, column)
-    for k in range(len(work.pivots)):
-        for j in range(k):
-            put_at(M, o, k, j)
-
-
-@inlined
 def together(m, C, J, m_other, C_other, J_other):
     """Mass, centre of mass, and inertia about this centre, of two bodies combined into one."""
     if m + m_other == 0.0:
@@ -366,8 +322,8 @@ def mass_of_many(chain, q):
     b, n, m = len(q), len(chain.hinges), len(chain.bodies)
     found, M, trig = np.empty((b, n, n)), empty_lanes((n, n)), empty_lanes((3, n))
     placed = KinematicsWork(empty_lanes((m, 3, 3)), empty_lanes((m, 3)), empty_lanes((n, 3)))
-    masses, forks, starts = masses_of_branches(chain), fork_lanes(chain, 9), starts_of_branches(chain.bodies)
-    work = CompositeWork(placed, empty_lanes((n, 3)), masses, forks, starts)
+    forks, starts = fork_lanes(chain, 9), starts_of_branches(chain.bodies)
+    work = CompositeWork(placed, empty_lanes((n, 3)), fork_rows(chain), forks, starts)
     turns = Turns(trig[1], trig[2], trig[0])
     rows, elements, flat = found.reshape(b, n * n), M.reshape(n * n, LANES), trig.reshape(3, n * LANES)
     for start in range(0, b, LANES):

@@ -10,10 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.kernels.forces.elements import forces_of, forces_side_by_side, one_of
-from flexlink.kernels.forces.joint_torques import JOINT, dry_joints, prescribed_joints, put_joint
-from flexlink.kernels.layout import ChainArrays
+from flexlink.kernels.forces.joint_torques import JOINT, dry_joints, put_joint
 from flexlink.kernels.tools.compiler import allocating, inlined, kernel, recursion
-from flexlink.kernels.tools.lanes import LANES, at, put_at, vec, zero_of
+from flexlink.kernels.tools.lanes import LANES, at, put_at, put_lane, vec, zero_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sincos import cos_sin_all, less_whole_turns
 from flexlink.kernels.tools.sym3 import sym_apply, symmetric
@@ -60,11 +59,11 @@ class PlanarWork(NamedTuple):
 
 
 @kernel
-def planar_workspace(bodies, hinges, gravity, rare):
+def planar_workspace(chain):
     """Scratch of `planar` with the chain's constants."""
-    n = len(hinges)
+    bodies, hinges, n = chain.bodies, chain.hinges, len(chain.hinges)
     base, links = np.zeros(12), np.zeros((n, LINK.size))
-    put(base[BASE.gravity :], vector(gravity))
+    put(base[BASE.gravity :], vector(chain.gravity))
     x, y, z = X, Y, Z
     to_body = ZERO  # from the hinge of the current link to the origin of the current body
     k = -1
@@ -91,28 +90,24 @@ def planar_workspace(bodies, hinges, gravity, rare):
             own = dot(normal, sym_apply(symmetric(b.inertia), normal))
             links[k, LINK.inertia] += own + b.mass * (cx * cx + cy * cy)
     trig = np.zeros((3, -(-n // LANES) * LANES))  # angles, cosines, sines, padded to full SIMD vectors
-    dry, forces = dry_joints(links[:, JOINT.coulomb]), forces_of(ChainArrays(bodies, hinges, gravity, rare))
-    return PlanarWork(base, links, prescribed_joints(hinges), dry, trig, trig, forces)
+    return PlanarWork(
+        base, links, hinges["prescribed"] != 0, dry_joints(links[:, JOINT.coulomb]), trig, trig, forces_of(chain)
+    )
 
 
 @kernel
-def planar_lanes_workspace(bodies, hinges, gravity, rare):
-    """Scratch of `planar` for eight chains side by side: `bodies` (8, bodies), `hinges` (8, n), `gravity` (8, 3)."""
-    n, chains = hinges.shape[1], ChainArrays(bodies, hinges, gravity, rare)
+def planar_lanes_workspace(chains):
+    """Scratch of `planar` for eight chains side by side, with bodies (8, bodies), hinges (8, n) and gravity (8, 3)."""
+    n = chains.hinges.shape[1]
     base, links, coulomb = np.empty((12, LANES)), np.empty((n, LINK.size, LANES)), np.zeros(n)
     trig = np.empty((3, n * LANES))
     for lane in range(LANES):
-        chain = one_of(chains, lane)
-        one = planar_workspace(chain.bodies, chain.hinges, chain.gravity, chain.rare)
-        for j in range(12):
-            base[j, lane] = one.base[j]
-        for k in range(n):
-            coulomb[k] += hinges[lane, k].coulomb
-            for j in range(LINK.size):
-                links[k, j, lane] = one.links[k, j]
-    trig_lanes = trig.reshape(3, n, LANES)
-    prescribed, dry = prescribed_joints(hinges[0]), dry_joints(coulomb)
-    return PlanarWork(base, links, prescribed, dry, trig, trig_lanes, forces_side_by_side(chains))
+        one = planar_workspace(one_of(chains, lane))
+        base[:, lane] = one.base
+        put_lane(one.links, lane, links)
+        coulomb += one.links[:, JOINT.coulomb]
+    prescribed, dry = chains.hinges[0]["prescribed"] != 0, dry_joints(coulomb)
+    return PlanarWork(base, links, prescribed, dry, trig, trig.reshape(3, n, LANES), forces_side_by_side(chains))
 
 
 @allocating

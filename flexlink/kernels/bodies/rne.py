@@ -116,11 +116,9 @@ def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
         r = vector(b.translation)
         a = add(a, add(cross(α, r), cross(ω, cross(ω, r))))
         if b.turned:
-            ω = apply_transposed(b.rotation, ω)
-            α = apply_transposed(b.rotation, α)
+            ω, α = apply_transposed(b.rotation, ω), apply_transposed(b.rotation, α)
             a = apply_transposed(b.rotation, a)
-            f_tip = apply_transposed(b.rotation, f_tip)
-            n_tip = apply_transposed(b.rotation, n_tip)
+            f_tip, n_tip = apply_transposed(b.rotation, f_tip), apply_transposed(b.rotation, n_tip)
         for k in range(b.first, b.stop):
             axis = hinges[k].axis
             if chain.rare is not None and rarely(axis >= SLIDES):
@@ -128,14 +126,12 @@ def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
                 put_at(turns, position_of(q, k) + o, k, 0)
                 continue
             c, s = cos_sin_of(q, k)
-            put_at(turns, c, k, 0)
-            put_at(turns, s, k, 1)
+            keep(turns, k, (c, s))
             ω = turn(axis, c, -s, ω)
             α = add_along(axis, at(qdd, k), add(turn(axis, c, -s, α), scale(at(qd, k), cross_unit(ω, axis, o))))
             ω = add_along(axis, at(qd, k), ω)
             a = turn(axis, c, -s, a)
-            f_tip = turn(axis, c, -s, f_tip)
-            n_tip = turn(axis, c, -s, n_tip)
+            f_tip, n_tip = turn(axis, c, -s, f_tip), turn(axis, c, -s, n_tip)
         c = vector(b.center)
         F = scale(b.mass, add(a, add(cross(α, c), cross(ω, cross(ω, c)))))
         N = add(add(apply(b.inertia, α), cross(ω, apply(b.inertia, ω))), cross(c, F))
@@ -157,11 +153,9 @@ def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
                 continue
             c, s = at(turns, k, 0), at(turns, k, 1)
             put_at(tau, n[axis] + hinges[k].armature * at(qdd, k), k)
-            f = turn(axis, c, s, f)
-            n = turn(axis, c, s, n)
+            f, n = turn(axis, c, s, f), turn(axis, c, s, n)
         if b.turned:
-            f = apply(b.rotation, f)
-            n = apply(b.rotation, n)
+            f, n = apply(b.rotation, f), apply(b.rotation, n)
         n = add(n, cross(vector(b.translation), f))
         if chain.rare is not None and rarely(b.begins):
             if b.parent > 0:

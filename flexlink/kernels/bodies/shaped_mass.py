@@ -153,6 +153,18 @@ def mass_in_space(chain, q, shapes, M, work):
     add_transpose(M)
 
 
+@inlined
+def weigh_in_plane(q, work, placed):
+    """`weigh` in a plane."""
+    mass_in_plane(placed.links, placed.trig, work.shapes, work.M, work.mass.loads)
+
+
+@inlined
+def weigh_in_space(q, work, placed):
+    """`weigh` in space."""
+    mass_in_space(work.chain, q, work.shapes, work.M, work.mass)
+
+
 @subroutine
 def gather_bodies(bodies, origin, work):
     """Write mass, first moment and inertia about `origin` of each body with all bodies outboard."""

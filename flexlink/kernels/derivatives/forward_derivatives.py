@@ -41,12 +41,13 @@ from flexlink.kernels.forward.articulated_rows import (
 )
 from flexlink.kernels.forward.inverse_mass import solve_on_articulated
 from flexlink.kernels.forward.solvers import forward_dynamics
-from flexlink.kernels.layout import SLIDES, ChainArrays
+from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.finite import are_finite, is_finite
-from flexlink.kernels.tools.lanes import LANES, put_vec_of, vec_of
+from flexlink.kernels.tools.lanes import LANES, vec_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.rare import rarely
+from flexlink.kernels.tools.records import added, keep
 from flexlink.kernels.tools.sym3 import sym_apply, sym_of
 from flexlink.kernels.tools.vec3 import ZERO, X, Y, Z, add, cross, dot, rotate, scale, sub
 
@@ -69,10 +70,9 @@ class ForwardDerivativesWork(NamedTuple):
 
 
 @kernel
-def forward_derivatives_workspace(bodies, hinges, gravity, rare):
+def forward_derivatives_workspace(chain):
     """Scratch of `derivatives_in_space` for a chain."""
-    n, m, factors = len(hinges), len(bodies), articulated_workspace(bodies, hinges, gravity, rare)
-    chain = ChainArrays(bodies, hinges, gravity, rare)
+    n, m, factors = len(chain.hinges), len(chain.bodies), articulated_workspace(chain)
     return ForwardDerivativesWork(
         factors, np.empty((2, n)), force_slopes_of(chain, factors.forces), motion_workspace(chain),
         np.empty((m, 9)), np.empty((m, 6)), np.empty((m, 6)), np.empty((m, 6, LANES)),
@@ -116,37 +116,20 @@ def transmit(chain, force, moment, work):
     rows, transmitted = work.motion.bodies, work.transmitted
     f = n = ZERO
     if chain.rare is not None:
-        clear_forks(chain.bodies, transmitted)
+        transmitted[:] = 0.0  # each branch adds its load to the row of the body on which it begins
     for i in range(len(chain.bodies) - 1, -1, -1):
         b = chain.bodies[i]
         if chain.rare is not None and b.fork > 0:
-            n, f = add(n, vec_of(transmitted, i, 0)), add(f, vec_of(transmitted, i, 3))
+            n, f = added(transmitted, i, (n, f))
         if b.loaded:
             f, n = scale(-1.0, force), scale(-1.0, moment)
         f, n = add(f, vec_of(rows, i, BODY_MOTION.F)), add(n, vec_of(rows, i, BODY_MOTION.N))
-        put_vec_of(transmitted, n, i, 0)
-        put_vec_of(transmitted, f, i, 3)
+        keep(transmitted, i, (n, f))
         n = add(n, cross(vec_of(rows, i, BODY_MOTION.r), f))
         if chain.rare is not None and b.begins:
-            add_to_body(transmitted, b.parent, n, f)
+            if b.parent > 0:
+                keep(transmitted, b.parent - 1, added(transmitted, b.parent - 1, (n, f)))
             f = n = ZERO
-
-
-@recursion
-def clear_forks(bodies, transmitted):
-    """Set the transmitted loads to 0 for bodies on which branches begin; each branch adds its load there."""
-    for i in range(len(bodies)):
-        if bodies[i].fork > 0:
-            for k in range(6):
-                transmitted[i, k] = 0.0
-
-
-@recursion
-def add_to_body(transmitted, number, n, f):
-    """Add the moment n and force f of a branch to the row of its parent body `number`, from 1; 0 is the base."""
-    if number > 0:
-        put_vec_of(transmitted, add(vec_of(transmitted, number - 1, 0), n), number - 1, 0)
-        put_vec_of(transmitted, add(vec_of(transmitted, number - 1, 3), f), number - 1, 3)
 
 
 @recursion
@@ -155,23 +138,14 @@ def keep_solution(factors, axes, accelerations):
     x, y, z = X, Y, Z
     for i in range(len(axes)):
         if factors.forks is not None and factors.layout[i, LAYOUT.begins]:
-            x, y, z = axes_on(axes, factors.layout[i, LAYOUT.parent])
+            parent = factors.layout[i, LAYOUT.parent]
+            x, y, z = axes_of(axes, parent - 1, 0) if parent > 0 else (X, Y, Z)
         if factors.layout[i, LAYOUT.restart]:
             u, v, w = axes_of(factors.bodies, i, RESTART.axes_before)
             x, y, z = rotate(u, x, y, z), rotate(v, x, y, z), rotate(w, x, y, z)
-        put_vec_of(axes, x, i, 0)
-        put_vec_of(axes, y, i, 3)
-        put_vec_of(axes, z, i, 6)
-        put_vec_of(accelerations, rotate(vec_of(factors.bodies, i, BODY_ROW.ζ), x, y, z), i, 0)
-        put_vec_of(accelerations, rotate(vec_of(factors.bodies, i, BODY_ROW.b), x, y, z), i, 3)
-
-
-@recursion
-def axes_on(axes, number):
-    """Working axes of body `number`, where the first body has number 1 and the base 0."""
-    if number > 0:
-        return vec_of(axes, number - 1, 0), vec_of(axes, number - 1, 3), vec_of(axes, number - 1, 6)
-    return X, Y, Z
+        keep(axes, i, (x, y, z))
+        α, a = vec_of(factors.bodies, i, BODY_ROW.ζ), vec_of(factors.bodies, i, BODY_ROW.b)
+        keep(accelerations, i, (rotate(α, x, y, z), rotate(a, x, y, z)))
 
 
 # Inlined, since a call would pass the 500 numbers that describe the arrays of `work`, which takes a third of the time.
@@ -195,9 +169,7 @@ def write_loads(chain, qd, variable, first, work):
 @recursion
 def joint_loads(hinges, qd, variable, first, r):
     """Write to r the joint torques due to unit changes of angles, rates or drive torques, columns from `first` on."""
-    for k in range(len(r)):
-        for lane in range(LANES):
-            r[k, lane] = 0.0
+    r[:] = 0.0
     for j in range(first, min(first + LANES, len(r))):
         if variable == VARIABLE.q:
             r[j, j - first] = -hinges[j].stiffness
@@ -236,10 +208,8 @@ def turn_transmitted(chain, i, j, lane, r, loads, work):
             r[k, lane] -= dot(of_hinge(hinges, k, HINGE_MOTION.e), n)
     if parent >= 0:
         n = in_axes(work.axes, parent, add(n, cross(vec_of(work.motion.bodies, i, BODY_MOTION.r), f)))
-        f = in_axes(work.axes, parent, f)
-        for row in range(3):
-            loads[parent, row, lane] += n[row]
-            loads[parent, 3 + row, lane] += f[row]
+        own = loads[parent].T
+        keep(own, lane, added(own, lane, (n, in_axes(work.axes, parent, f))))
 
 
 @inlined
@@ -259,14 +229,12 @@ def body_loads(chain, variable, block, work):
             if chain.bodies[i].loaded and variable == VARIABLE.q:
                 n = sub(n, vec_of(work.motion.hinges, block, HINGE_MOTION.δm))
                 f = sub(f, vec_of(work.motion.hinges, block, HINGE_MOTION.δF))
-            put_vec_of(loads, in_axes(work.axes, i, n), i, 0)
-            put_vec_of(loads, in_axes(work.axes, i, f), i, 3)
+            keep(loads, i, (in_axes(work.axes, i, n), in_axes(work.axes, i, f)))
         else:
             beyond = 0
         for lane in range(LANES):
             if lane >= beyond or (variable == VARIABLE.tau and not chain.hinges[first + lane].prescribed):
-                for row in range(6):
-                    loads[i, row, lane] = 0.0
+                loads[i, :, lane] = 0.0
 
 
 @subroutine
@@ -281,9 +249,7 @@ def slide_loads(chain, variable, first, motion, axes, loads):
             for i in range(len(chain.bodies)):
                 if chain.bodies[i].stop > j:
                     n = in_axes(axes, i, cross(vec_of(motion.bodies, i, BODY_MOTION.mc), δa))
-                    f = in_axes(axes, i, scale(chain.bodies[i].mass, δa))
-                    for row in range(3):
-                        loads[i, row, j - first], loads[i, 3 + row, j - first] = n[row], f[row]
+                    keep(loads[i].T, j - first, (n, in_axes(axes, i, scale(chain.bodies[i].mass, δa))))
 
 
 @subroutine
@@ -295,8 +261,7 @@ def part_branches(bodies, first, loads):
             begin = bodies[number - 1].first if number > 0 else 0
             own = bodies[number - 1].stop if number > 0 else 0
             for j in range(max(first, own), stop):
-                for row in range(6):
-                    loads[i, row, j - first] = 0.0
+                loads[i, :, j - first] = 0.0
             stop, number = min(stop, begin), bodies[number - 1].parent if number > 0 else 0
 
 

@@ -118,17 +118,7 @@ def motion_workspace(chain):
 @allocating
 def sliding_hinges(chain):
     """Indices of the prismatic hinges, ascending; None for a plain chain."""
-    if chain.rare is None:
-        return None
-    hinges, count = chain.hinges, 0
-    for k in range(len(hinges)):
-        count += hinges[k].axis >= SLIDES
-    found, count = np.empty(count, np.int64), 0
-    for k in range(len(hinges)):
-        if hinges[k].axis >= SLIDES:
-            found[count] = k
-            count += 1
-    return found
+    return None if chain.rare is None else np.flatnonzero(chain.hinges["axis"] >= SLIDES)
 
 
 @kernel
@@ -232,7 +222,7 @@ def outward(chain, wrench, follower, q, qd, qdd, solved, work):
         p, v, a = add(p, r), add(v, u), add(a, add(cross(α, r), cross(ω, u)))
         if b.turned:
             x, y, z = place_axes(b.rotation, x, y, z)
-        if chain.rare is not None and body_slides(chain.hinges, b):
+        if chain.rare is not None and b.first < b.stop and chain.hinges[b.first].axis >= SLIDES:
             slid, w = sum_along(chain.hinges, b, q, x, y, z), sum_along(chain.hinges, b, qd, x, y, z)
             t = add(cross(ω, slid), w)
             r, u, p, v = add(r, slid), add(u, t), add(p, slid), add(v, t)
@@ -246,14 +236,9 @@ def outward(chain, wrench, follower, q, qd, qdd, solved, work):
                 continue
             e = pick(axis, x, y, z)
             δω = cross(ω, e)
-            put_of_hinge(work.hinges, k, HINGE_MOTION.e, e)
-            put_of_hinge(work.hinges, k, HINGE_MOTION.p, p)
-            put_of_hinge(work.hinges, k, HINGE_MOTION.v, v)
-            put_of_hinge(work.hinges, k, HINGE_MOTION.δa, cross(a, e))
-            put_of_hinge(work.hinges, k, HINGE_MOTION.η, add(cross(α, e), cross(ω, δω)))
-            put_of_hinge(work.hinges, k, HINGE_MOTION.δω, δω)
-            put_of_hinge(work.hinges, k, HINGE_MOTION.δF, scale(dead, cross(force, e)))
-            put_of_hinge(work.hinges, k, HINGE_MOTION.δm, scale(dead, cross(moment, e)))
+            δa, η = cross(a, e), add(cross(α, e), cross(ω, δω))
+            δF, δm = scale(dead, cross(force, e)), scale(dead, cross(moment, e))
+            keep(work.hinges[k // LANES].T, k % LANES, (e, p, v, δa, η, δω, δF, δm))  # `HINGE_MOTION`
             ω, α = add_scaled(ω, qd[k], e), add_scaled(add_scaled(α, qdd[k], e), qd[k], δω)
             c, s = cos_sin(q[k])
             x, y, z = turn_axes(axis, c, s, x, y, z)
@@ -272,12 +257,6 @@ def outward(chain, wrench, follower, q, qd, qdd, solved, work):
     return f_tip, n_tip
 
 
-@inlined
-def body_slides(hinges, body):
-    """Whether the hinges of `body` are prismatic."""
-    return body.first < body.stop and hinges[body.first].axis >= SLIDES
-
-
 @recursion
 def sum_along(hinges, body, q, x, y, z):
     """Σ e q over the hinges of a body with prismatic hinges."""
@@ -291,22 +270,8 @@ def sum_along(hinges, body, q, x, y, z):
 def put_slide(rows, k, e, p, v, ω, α):
     """Write the columns of prismatic hinge k."""
     δv = cross(ω, e)
-    put_of_hinge(rows, k, HINGE_MOTION.e, e)
-    put_of_hinge(rows, k, HINGE_MOTION.p, p)
-    put_of_hinge(rows, k, HINGE_MOTION.v, v)
-    put_of_hinge(rows, k, HINGE_MOTION.δa, add(cross(α, e), cross(ω, δv)))
-    put_of_hinge(rows, k, HINGE_MOTION.η, ZERO)
-    put_of_hinge(rows, k, HINGE_MOTION.δω, ZERO)
-    put_of_hinge(rows, k, HINGE_MOTION.δF, ZERO)
-    put_of_hinge(rows, k, HINGE_MOTION.δm, ZERO)
-    put_of_hinge(rows, k, HINGE_MOTION.δv, δv)
-
-
-@inlined
-def put_of_hinge(rows, k, first, a):
-    """Write the 3-vector a of hinge `k` to the columns from `first` on."""
-    block, lane = k // LANES, k % LANES
-    rows[block, first, lane], rows[block, first + 1, lane], rows[block, first + 2, lane] = a
+    δa = add(cross(α, e), cross(ω, δv))
+    keep(rows[k // LANES].T, k % LANES, (e, p, v, δa, ZERO, ZERO, ZERO, ZERO, δv))  # `HINGE_MOTION`
 
 
 @inlined
@@ -369,7 +334,7 @@ def inward(chain, force, moment, work):
         f, n = add(f, vec_of(rows, i, BODY_MOTION.F)), add(n, vec_of(rows, i, BODY_MOTION.N))
         for k in range(b.stop - 1, b.first - 1, -1):
             if chain.rare is not None and loaded == 0.0:
-                unload(work.motion.hinges, k)
+                keep(work.motion.hinges[k // LANES].T, k % LANES, (ZERO, ZERO), HINGE_MOTION.δF)  # no wrench outboard
             if chain.rare is not None and chain.hinges[k].axis >= SLIDES:
                 derivatives_of_slide(k, m, s, P, f, loaded, work)
             else:
@@ -385,13 +350,6 @@ def inward(chain, force, moment, work):
             keep(forks, b.slot, added(forks, b.slot, (m, s, I, P, G, f, n, d, loaded)))
             m, s, I, P, G, loaded = 0.0, ZERO, ZERO6, ZERO, (ZERO, ZERO, ZERO), 0.0
             f = n = d = ZERO
-
-
-@subroutine
-def unload(hinges, k):
-    """Set δF and δm of hinge `k` to 0, since the tip wrench does not act outboard of this hinge."""
-    put_of_hinge(hinges, k, HINGE_MOTION.δF, ZERO)
-    put_of_hinge(hinges, k, HINGE_MOTION.δm, ZERO)
 
 
 @recursion

@@ -16,13 +16,10 @@ from flexlink.kernels.tools.compiler import allocating, by_type, kernel
 from flexlink.kernels.tools.finite import is_finite
 
 
-@by_type(
-    {
-        OneState: derivatives_in_plane,
-        ForwardDerivativesWork: derivatives_in_space,
-        InverseDerivativesWork: inverse_derivatives,
-    }
-)
+@by_type({
+    OneState: derivatives_in_plane, ForwardDerivativesWork: derivatives_in_space,
+    InverseDerivativesWork: inverse_derivatives,
+})  # fmt: skip
 def derivatives_into(chain, wrench, q, qd, given, found, work):
     """Write the derivatives by q, q̇ and T_EX or, of inverse dynamics, q̈, (n, n) each; return whether all are finite."""
 
@@ -49,8 +46,7 @@ def derivatives_of_many(chain, wrench, q, qd, given, found, work):
 @kernel
 def forward_derivatives_of_many(chain, wrench, q, qd, tau, found):
     """Write the derivatives of forward dynamics at many states; return whether all are finite."""
-    work = forward_derivatives_workspace(chain.bodies, chain.hinges, chain.gravity, chain.rare)
-    return derivatives_of_many(chain, wrench, q, qd, tau, found, work)
+    return derivatives_of_many(chain, wrench, q, qd, tau, found, forward_derivatives_workspace(chain))
 
 
 @kernel

@@ -35,8 +35,9 @@ from flexlink.kernels.forward.mass_plus_plane import PlanePosture, levers_alone,
 from flexlink.kernels.forward.solvers import forward_dynamics
 from flexlink.kernels.tools.compiler import allocating, inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.finite import are_finite, is_finite
-from flexlink.kernels.tools.lanes import LANES, at, put_at, put_lanes, put_vec_of, vec, vec_of, zero_of
+from flexlink.kernels.tools.lanes import LANES, at, put_at, put_lanes, vec, vec_of, zero_of
 from flexlink.kernels.tools.numbered import numbered
+from flexlink.kernels.tools.records import keep
 from flexlink.kernels.tools.vec3 import scale
 
 ROW = numbered(
@@ -53,7 +54,7 @@ class PlanarDerivativesWork(NamedTuple):
 
     posture: PlanePosture
     rows: Any  # (n, SIZE)
-    turned: Any  # (9, 8) row t: σ for the first t columns of a block, 0 for the others
+    turned: Any  # (9, 8) row t: σ for the first t columns of a block, 0 for the others; None for eight states
     prescribed: Any  # (9, 8) the same, but 0 for joints that are not prescribed
     r: Any  # (3, n, 8)
     x: Any  # (3, n, 8)
@@ -71,7 +72,7 @@ class OneState(NamedTuple):
 @kernel
 def planar_derivatives_workspace(chain):
     """Scratch of `derivatives_in_plane` for a chain."""
-    n, planar = len(chain.hinges), planar_workspace(chain.bodies, chain.hinges, chain.gravity, chain.rare)
+    n, planar = len(chain.hinges), planar_workspace(chain)
     posture, lanes = levers_alone(planar, np.empty((2, n, 2))), np.empty((6, n, LANES))
     weights = np.zeros((2, LANES + 1, LANES))
     columns = PlanarDerivativesWork(posture, np.empty((n, ROW.size)), weights[0], weights[1], lanes[:3], lanes[3:])
@@ -119,9 +120,7 @@ def factor(work):
     Mxx = Mxy = Myy = j = gx = gy = o
     for k in range(len(rows) - 1, -1, -1):
         dx, dy, A, m = at(d, k, 0), at(d, k, 1), at(links, k, LINK.armature), at(links, k, LINK.mass)
-        put_vec_of(rows, (Mxx, Mxy, Myy), k, ROW.Mxx)
-        put_at(rows, gx, k, ROW.gx)
-        put_at(rows, gy, k, ROW.gy)
+        keep(rows, k, (Mxx, Mxy, Myy, gx, gy), ROW.Mxx)
         D = at(links, k, LINK.inertia) + j + 2.0 * (dx * gx + dy * gy)
         D += dx * dx * Mxx + dy * dy * Myy + (2.0 * dx * dy) * Mxy
         Hx, Hy = at(h, k, 0) + gx + Mxx * dx + Mxy * dy, at(h, k, 1) + gy + Mxy * dx + Myy * dy
@@ -133,9 +132,7 @@ def factor(work):
             β = A * inverse
             Mxx, Mxy, Myy = Mxx - Hx * Hx * inverse, Mxy - Hx * Hy * inverse, Myy - Hy * Hy * inverse
             j, gx, gy = β * D, β * Hx, β * Hy
-            put_vec_of(rows, (inverse, Hx, Hy), k, ROW.inverse)
-            put_at(rows, β, k, ROW.β)
-            put_at(rows, D * inverse, k, ROW.γ)
+            keep(rows, k, (inverse, Hx, Hy, β, D * inverse), ROW.inverse)
 
 
 @recursion
@@ -146,14 +143,12 @@ def move(base, wrench, qd, work):
     ax, ay = in_plane(base, scale(-1.0, vec(base, BASE.gravity)))
     for k in range(len(rows)):
         ω, α = ω + at(links, k, LINK.sign) * at(qd, k), at(links, k, LINK.α)
-        put_vec_of(rows, (ω, α, ax), k, ROW.ω)
-        put_at(rows, ay, k, ROW.ay)
+        keep(rows, k, (ω, α, ax, ay), ROW.ω)
         dx, dy = at(d, k, 0), at(d, k, 1)
         ax, ay = ax + α * dx - ω * ω * dy, ay + α * dy + ω * ω * dx
     fx, fy = in_plane(base, scale(-1.0, vec(wrench, 0)))
     for k in range(len(rows) - 1, -1, -1):
-        put_at(rows, fx, k, ROW.fx)
-        put_at(rows, fy, k, ROW.fy)
+        keep(rows, k, (fx, fy), ROW.fx)
         ω, α, m = at(rows, k, ROW.ω), at(rows, k, ROW.α), at(links, k, LINK.mass)
         hx, hy = at(h, k, 0), at(h, k, 1)
         fx += m * at(rows, k, ROW.ax) + α * hx - ω * ω * hy
@@ -169,10 +164,9 @@ def write_changes(k, work):
     ωω = ω * ω
     turned = -hy * at(rows, k, ROW.ax) + hx * at(rows, k, ROW.ay) - dy * at(rows, k, ROW.fx) + dx * at(rows, k, ROW.fy)
     bx, by, fx, fy = -α * dy - ωω * dx, α * dx - ωω * dy, -α * hy - ωω * hx, α * hx - ωω * hy
-    o = zero_of(rows, 0, 0)
     write_change(rows, k, ROW.changes, dx, dy, bx, by, fx, fy, turned)
     bx, by, fx, fy = -2.0 * ω * dy, 2.0 * ω * dx, -2.0 * ω * hy, 2.0 * ω * hx
-    write_change(rows, k, ROW.changes + CHANGE.size, dx, dy, bx, by, fx, fy, o)
+    write_change(rows, k, ROW.changes + CHANGE.size, dx, dy, bx, by, fx, fy, zero_of(rows, 0, 0))
     write_change(rows, k, ROW.changes + 2 * CHANGE.size, dx, dy, dx, dy, hx, hy, I)
 
 
@@ -182,9 +176,7 @@ def write_change(rows, k, first, dx, dy, bx, by, fx, fy, n):
     Mxx, Mxy, Myy = vec_of(rows, k, ROW.Mxx)
     Mbx, Mby = Mxx * bx + Mxy * by, Mxy * bx + Myy * by
     turned = n + at(rows, k, ROW.gx) * bx + at(rows, k, ROW.gy) * by + dx * Mbx + dy * Mby
-    put_vec_of(rows, (turned, fx + Mbx, fy + Mby), k, first + CHANGE.n)
-    put_at(rows, bx, k, first + CHANGE.bx)
-    put_at(rows, by, k, first + CHANGE.by)
+    keep(rows, k, (turned, fx + Mbx, fy + Mby, bx, by), first)  # `CHANGE`
 
 
 @recursion
@@ -204,9 +196,10 @@ def weigh(hinges, first, work):
 
 @recursion
 def solve(first, work):
-    """Write x, the derivatives of q̈ by q, q̇ and T_EX, for a block of columns; the three recursions run interleaved.
+    """Write x, the derivatives of q̈ by q, q̇ and T_EX, for a block of columns or, in eight states, for one column.
 
-    The three are independent, so the processor can overlap their steps: none waits for the result of another.
+    The three recursions run interleaved. They are independent, so the processor can overlap their steps: none waits for
+    the result of another.
     """
     o = zero_of(work.x, 0, 0)
     at_rest = o, o, o
@@ -226,9 +219,12 @@ def solve(first, work):
 
 @inlined
 def weights_of(k, first, work):
-    """σ of the columns of a block that move link k, for all joints and for prescribed joints alone."""
-    columns = max(0, min(LANES, k + 1 - first))
-    return at(work.turned, columns), at(work.prescribed, columns)
+    """σ of the columns of a block, or of the one column, that move link k; for all, and for prescribed joints alone."""
+    if work.turned is not None:
+        columns = max(0, min(LANES, k + 1 - first))
+        return at(work.turned, columns), at(work.prescribed, columns)
+    o, σ = zero_of(work.x, 0, 0), at(work.posture.links, first, LINK.sign)
+    return (σ, σ if work.posture.prescribed[first] else o) if k >= first else (o, o)
 
 
 @inlined
@@ -271,7 +267,8 @@ def planar_derivatives_of_many(chain, planar, wrench, q, qd, tau, found):
     `planar` is scratch for eight copies of the chain. Returns whether all values are finite.
     """
     hinges, finite = chain.hinges, True
-    n, slopes = len(hinges), slopes_side_by_side(chain)
+    n = len(hinges)
+    slopes = None if chain.rare is None else np.zeros((2, n, n, LANES))  # of force elements
     state, acting, levers = np.empty((4, n, LANES)), np.empty((6, LANES)), np.empty((2, n, 2, LANES))
     lanes = np.zeros((6, n, LANES))
     posture = levers_alone(planar, levers)
@@ -290,7 +287,7 @@ def planar_derivatives_of_many(chain, planar, wrench, q, qd, tau, found):
             put_joint_loads(hinges[j], j, state[1], work.r)
             if chain.rare is not None:
                 put_force_loads(slopes, j, work.r)
-            solve_column(j, work)
+            solve(j, work)
             if chain.rare is None:
                 work.r[:, j, :] = 0.0
             else:
@@ -315,15 +312,6 @@ def put_joint_loads(hinge, j, qd, r):
 
 
 @allocating
-def slopes_side_by_side(chain):
-    """Scratch (2, n, n, 8) for derivatives of force elements in eight states; None for a plain chain."""
-    if chain.rare is None:
-        return None
-    n = len(chain.hinges)
-    return np.zeros((2, n, n, LANES))
-
-
-@allocating
 def find_slopes_of_eight(chain, q, qd, start, found):
     """Write the derivatives of element torques by q and q̇ to `found`, for up to eight states from `start` on."""
     slopes = force_slopes_of(chain, forces_of(chain))
@@ -339,24 +327,3 @@ def put_force_loads(slopes, j, r):
         for k in range(r.shape[1]):
             for lane in range(LANES):
                 r[part, k, lane] -= slopes[part, k, j, lane]
-
-
-@recursion
-def solve_column(j, work):
-    """Write x, column j of the derivatives of q̈ by q, q̇ and T_EX, for eight states."""
-    o = zero_of(work.x, 0, 0)
-    σ = at(work.posture.links, j, LINK.sign)
-    given = σ if work.posture.prescribed[j] else o
-    at_rest = o, o, o
-    angle, speed, input = at_rest, at_rest, at_rest
-    for k in range(len(work.rows) - 1, -1, -1):
-        turned, prescribed = (σ, given) if k >= j else (o, o)
-        angle = load(k, VARIABLE.q, turned, work, *angle)
-        speed = load(k, VARIABLE.qd, turned, work, *speed)
-        input = load(k, VARIABLE.tau, prescribed, work, *input)
-    angle, speed, input = at_rest, at_rest, at_rest
-    for k in range(len(work.rows)):
-        turned, prescribed = (σ, given) if k >= j else (o, o)
-        angle = turn(k, VARIABLE.q, turned, work, *angle)
-        speed = turn(k, VARIABLE.qd, turned, work, *speed)
-        input = turn(k, VARIABLE.tau, prescribed, work, *input)

@@ -25,9 +25,9 @@ from flexlink.kernels.derivatives.inverse_derivatives import (
     own_spin,
     spin,
 )
-from flexlink.kernels.geometry.branches import rows_of_forks
+from flexlink.kernels.geometry.branches import fork_rows
 from flexlink.kernels.layout import SLIDES
-from flexlink.kernels.tools.compiler import allocating, inlined, kernel, recursion
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.records import added, keep, kept
@@ -63,17 +63,8 @@ def small_motion(chain):
     n, m = len(chain.hinges), len(chain.bodies)
     return SmallMotion(
         chain, None, motion_workspace(chain), np.zeros((2, 3)), np.zeros(1, np.bool_), np.zeros((n, HINGE.size)),
-        np.empty((m, 6)), np.empty((12, 6)), matrices_of_forks(chain), np.zeros(1, np.int64),
-        np.zeros(n, np.bool_),
+        np.empty((m, 6)), np.empty((12, 6)), fork_rows(chain, 12, 6), np.zeros(1, np.int64), np.zeros(n, np.bool_),
     )  # fmt: skip
-
-
-@allocating
-def matrices_of_forks(chain):
-    """Scratch (rows, 12, 6) for the forks; None for a plain chain."""
-    if chain.rare is None:
-        return None
-    return np.empty((rows_of_forks(chain.bodies), 12, 6))
 
 
 @kernel
@@ -83,49 +74,28 @@ def set_state(work, wrench, follower, q, qd):
     force, moment = outward(chain, wrench, follower, q, qd, np.zeros(len(q)), None, motion)
     f = t = ZERO
     if work.forks is not None:
-        clear_loads(work.forks)
+        work.forks[:, 0] = 0.0
     for i in range(len(chain.bodies) - 1, -1, -1):
         b = chain.bodies[i]
         if work.forks is not None and b.fork > 0:
-            f, t = with_loads(work.forks, b.fork, f, t)
+            f, t = added(work.forks[b.fork], 0, (f, t))
         if b.loaded:
             f, t = scale(-1.0, force), scale(-1.0, moment)
-        f = add(f, vec_of(motion.bodies, i, BODY_MOTION.F))
-        t = add(t, vec_of(motion.bodies, i, BODY_MOTION.N))
+        f, t = added(motion.bodies, i, (f, t), BODY_MOTION.F)
         for k in range(b.first, b.stop):
             e = of_hinge(motion.hinges, k, HINGE_MOTION.e)
-            put_vec_of(rows, e, k, HINGE.e)
             slides = wrench_part(chain, k) == 0
-            put_vec_of(rows, ZERO if slides else cross(e, f), k, HINGE.moved)
-            put_vec_of(rows, cross(e, f if slides else t), k, HINGE.moved + 3)
+            keep(rows, k, (e, ZERO if slides else cross(e, f), cross(e, f if slides else t)), HINGE.e)
         t = add(t, cross(vec_of(motion.bodies, i, BODY_MOTION.r), f))
         if work.forks is not None and b.begins:
-            f, t = add_loads(work.forks, b.slot, f, t)
+            keep(work.forks[b.slot], 0, added(work.forks[b.slot], 0, (f, t)))
+            f = t = ZERO
     dead = 0.0 if follower else 1.0
     put_vec_of(work.tip, scale(dead, force), 0, 0)
     put_vec_of(work.tip, scale(dead, moment), 1, 0)
     work.moving[0] = False
     for k in range(len(qd)):
         work.moving[0] = work.moving[0] or qd[k] != 0.0
-
-
-@recursion
-def clear_loads(forks):
-    """Set the force and moment of the branches at all forks to 0."""
-    forks[:, 0] = 0.0
-
-
-@recursion
-def with_loads(forks, row, f, n):
-    """f and n plus the forces and moments of the branches at fork `row`."""
-    return added(forks[row], 0, (f, n))
-
-
-@recursion
-def add_loads(forks, row, f, n):
-    """Add f and n of a branch to the sums at fork `row`; return zeros, from which the next branch starts at its tip."""
-    keep(forks[row], 0, added(forks[row], 0, (f, n)))
-    return ZERO, ZERO
 
 
 @recursion
@@ -136,10 +106,8 @@ def weigh(work, by_angle, by_rate, by_acceleration):
         e, δω = vec_of(rows, k, HINGE.e), of_hinge(motion, k, HINGE_MOTION.δω)
         η = scale(by_angle, of_hinge(motion, k, HINGE_MOTION.η))
         η = add_scaled(add_scaled(η, 2.0 * by_rate, δω), by_acceleration, e)
-        put_vec_of(rows, scale(by_angle, of_hinge(motion, k, HINGE_MOTION.δa)), k, HINGE.j + PARTS.δa)
-        put_vec_of(rows, scale(by_angle, e), k, HINGE.j + PARTS.δφ)
-        put_vec_of(rows, η, k, HINGE.j + PARTS.η)
-        put_vec_of(rows, add_scaled(scale(by_angle, δω), by_rate, e), k, HINGE.j + PARTS.δω)
+        δa, δω = scale(by_angle, of_hinge(motion, k, HINGE_MOTION.δa)), add_scaled(scale(by_angle, δω), by_rate, e)
+        keep(rows, k, (δa, scale(by_angle, e), η, δω), HINGE.j)  # `PARTS`
     if work.motion.slides is not None:
         weigh_slides(work, by_angle, by_rate, by_acceleration)
     work.size[0] = PARTS.size if work.moving[0] else PARTS.δω if by_acceleration != 0.0 else PARTS.η
@@ -153,9 +121,8 @@ def weigh_slides(work, by_angle, by_rate, by_acceleration):
         δa = add_scaled(
             scale(by_angle, of_hinge(motion, k, HINGE_MOTION.δa)), by_acceleration, vec_of(rows, k, HINGE.e)
         )
-        put_vec_of(rows, add_scaled(δa, 2.0 * by_rate, of_hinge(motion, k, HINGE_MOTION.δv)), k, HINGE.j + PARTS.δa)
-        for column in range(PARTS.δφ, PARTS.size):
-            rows[k, HINGE.j + column] = 0.0
+        δa = add_scaled(δa, 2.0 * by_rate, of_hinge(motion, k, HINGE_MOTION.δv))
+        keep(rows, k, (δa, ZERO, ZERO, ZERO), HINGE.j)  # `PARTS`
 
 
 @inlined
@@ -188,8 +155,7 @@ def by_spin(bodies, i, δω):
 @inlined
 def add_column(A, column, f, n):
     """A[column] += (f, n)."""
-    put_vec_of(A, add(vec_of(A, column, 0), f), column, 0)
-    put_vec_of(A, add(vec_of(A, column, 3), n), column, 3)
+    keep(A, column, added(A, column, (f, n)))
 
 
 @recursion
@@ -254,8 +220,7 @@ def body_loads(work, x):
             δa, δφ, η, δω = beyond_hinge(rows, k, x[k], δa, δφ, η, δω)
         f, n = by_acceleration(bodies, b.mass, i, δa)
         of_η, of_δω = by_turning(bodies, i, η), by_spin(bodies, i, δω)
-        put_vec_of(demands, add(f, add(of_η[0], of_δω[0])), i, 0)
-        put_vec_of(demands, add(n, add(of_η[1], of_δω[1])), i, 3)
+        keep(demands, i, (add(f, add(of_η[0], of_δω[0])), add(n, add(of_η[1], of_δω[1]))))
         if b.loaded:
             add_column(demands, i, cross(δφ, vec_of(work.tip, 0, 0)), cross(δφ, vec_of(work.tip, 1, 0)))
         if work.forks is not None and b.fork > 0:
@@ -268,16 +233,17 @@ def answer(work, by_angle, κ, x, product):
     rows, bodies, demands = work.hinges, work.motion.bodies, work.demands
     f = n = ZERO
     if work.forks is not None:
-        clear_loads(work.forks)
+        work.forks[:, 0] = 0.0
     for i in range(len(bodies) - 1, -1, -1):
         b = work.chain.bodies[i]
         if work.forks is not None and b.fork > 0:
-            f, n = with_loads(work.forks, b.fork, f, n)
-        f, n = add(f, vec_of(demands, i, 0)), add(n, vec_of(demands, i, 3))
+            f, n = added(work.forks[b.fork], 0, (f, n))
+        f, n = added(demands, i, (f, n))
         for k in range(b.stop - 1, b.first - 1, -1):
             product[k] = κ[k] * x[k] + dot(vec_of(rows, k, HINGE.e), n if wrench_part(work.chain, k) else f)
             f = add_scaled(f, by_angle * x[k], vec_of(rows, k, HINGE.moved))
             n = add_scaled(n, by_angle * x[k], vec_of(rows, k, HINGE.moved + 3))
         n = add(n, cross(vec_of(bodies, i, BODY_MOTION.r), f))
         if work.forks is not None and b.begins:
-            f, n = add_loads(work.forks, b.slot, f, n)
+            keep(work.forks[b.slot], 0, added(work.forks[b.slot], 0, (f, n)))
+            f = n = ZERO

@@ -55,9 +55,7 @@ def cells_workspace(chain):
 def put_couplings(work, weights):
     """Write the weighted stiffness plus damping of each coupling to the entry that later receives L_j of hinge k."""
     couplings, cells = work.chain.rare.couplings, work.cells
-    for k in range(len(cells.L)):
-        for j in range(cells.L.shape[1]):
-            cells.L[k, j] = 0.0
+    cells.L[:] = 0.0
     for c in range(len(couplings)):
         k, held = couplings[c].outer, weights[0] * couplings[c].stiffness + weights[1] * couplings[c].damping
         cells.L[k, couplings[c].inner - cells.first[k]] = held

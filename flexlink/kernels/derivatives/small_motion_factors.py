@@ -25,17 +25,14 @@ from flexlink.kernels.derivatives.small_motion import (
     PARTS,
     UNITS,
     add_column,
-    add_loads,
     beyond_hinge,
     by_acceleration,
     by_spin,
     by_turning,
-    clear_loads,
     hinge_acceleration,
     keep_motion,
     kept_motion,
     weigh,
-    with_loads,
     wrench_part,
 )
 from flexlink.kernels.derivatives.small_motion_cells import (
@@ -49,6 +46,7 @@ from flexlink.kernels.derivatives.small_motion_cells import (
 )
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
+from flexlink.kernels.tools.records import added, keep
 from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, cross, dot, scale
 
 
@@ -65,7 +63,9 @@ def factor(work, weights, κ, w, sizes, smallest):
     negative = open_ = 0
     if work.cells is not None:
         put_couplings(work, weights)
-    begin(work)
+    A[:] = 0.0
+    if work.forks is not None:
+        work.forks[:] = 0.0
     for i in range(len(bodies) - 1, -1, -1):
         b = work.chain.bodies[i]
         if work.forks is not None and b.fork > 0:
@@ -96,14 +96,6 @@ def factor(work, weights, κ, w, sizes, smallest):
             add_matrix(A, work.forks[b.slot])
             A[:] = 0.0
     return negative
-
-
-@recursion
-def begin(work):
-    """Clear A at the last tip and at all forks."""
-    work.A[:] = 0.0
-    if work.forks is not None:
-        work.forks[:] = 0.0
 
 
 @recursion
@@ -197,11 +189,11 @@ def load(work, r, x):
     if work.cells is not None:
         work.cells.known[:] = 0.0
     if work.forks is not None:
-        clear_loads(work.forks)
+        work.forks[:, 0] = 0.0
     for i in range(len(bodies) - 1, -1, -1):
         b = work.chain.bodies[i]
         if work.forks is not None and b.fork > 0:
-            f, n = with_loads(work.forks, b.fork, f, n)
+            f, n = added(work.forks[b.fork], 0, (f, n))
         for k in range(b.stop - 1, b.first - 1, -1):
             eb = dot(vec_of(rows, k, HINGE.e), n if wrench_part(work.chain, k) else f)
             if work.cells is not None:
@@ -214,7 +206,8 @@ def load(work, r, x):
             n = add_scaled(n, x[k], vec_of(rows, k, HINGE.c + 3))
         n = add(n, cross(vec_of(bodies, i, BODY_MOTION.r), f))
         if work.forks is not None and b.begins:
-            f, n = add_loads(work.forks, b.slot, f, n)
+            keep(work.forks[b.slot], 0, added(work.forks[b.slot], 0, (f, n)))
+            f = n = ZERO
 
 
 @recursion

@@ -48,9 +48,7 @@ def follow_equilibria(chain, held, free, angles, q, postures):
                 if chain.rare is not None:
                     add_slopes(slopes_of_forces.elements, q, zero, K, spare)
                 inverse_derivatives(chain, none, q, zero, zero, (found[0], found[1], found[2]), slopes)
-                for i in range(n):
-                    for j in range(n):
-                        K[i, j] += found[0, i, j]
+                K += found[0]
                 known = factor_block(K, free, L)
                 last = math.inf
             if not known or correction == most:
@@ -71,8 +69,7 @@ def follow_equilibria(chain, held, free, angles, q, postures):
             known = size <= shrinks * last
             last = size
         known = True
-        for k in range(n):
-            postures[row, k] = q[k]
+        postures[row] = q
     return len(angles)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from flexlink.kernels.tools.compiler import allocating, kernel, recursion
 from flexlink.kernels.tools.lanes import LANES, at, empty_lanes, put_at, put_lane, zero_of
 from flexlink.kernels.tools.numbered import numbered
+from flexlink.kernels.tools.records import keep
 
 CONSTANT = numbered("stiffness damping inner_rest outer_rest")  # of a coupling i, j: K_ij, D_ij, θ₀ of i and of j
 
@@ -19,20 +20,13 @@ class Couplings(NamedTuple):
 
 
 @allocating
-def couplings_of(chain):
-    """The couplings of a chain, as a force element."""
-    return couplings_between(chain.rare.couplings, chain.hinges)
-
-
-@allocating
-def couplings_between(couplings, hinges):
-    """`couplings_of` for rows of couplings between these hinges."""
+def couplings_of(couplings, hinges):
+    """The couplings of a chain between its hinges, as a force element."""
     pairs, constants = np.empty((len(couplings), 2), np.int64), np.empty((len(couplings), CONSTANT.size))
     for c in range(len(couplings)):
-        i, j = couplings[c].inner, couplings[c].outer
-        pairs[c, 0], pairs[c, 1] = i, j
-        constants[c, CONSTANT.stiffness], constants[c, CONSTANT.damping] = couplings[c].stiffness, couplings[c].damping
-        constants[c, CONSTANT.inner_rest], constants[c, CONSTANT.outer_rest] = hinges[i].rest, hinges[j].rest
+        pair = couplings[c]
+        pairs[c, 0], pairs[c, 1] = pair.inner, pair.outer
+        keep(constants, c, (pair.stiffness, pair.damping, hinges[pair.inner].rest, hinges[pair.outer].rest))
     return Couplings(pairs, constants)
 
 
@@ -40,10 +34,10 @@ def couplings_between(couplings, hinges):
 def couplings_side_by_side(chains):
     """The couplings of eight chains with the same hinges and pairs; one chain per lane."""
     couplings, hinges = chains.rare.couplings, chains.hinges
-    pairs = couplings_between(couplings[0], hinges[0]).pairs
+    pairs = couplings_of(couplings[0], hinges[0]).pairs
     constants = empty_lanes((len(pairs), CONSTANT.size))
     for lane in range(LANES):
-        put_lane(couplings_between(couplings[lane], hinges[lane]).constants, lane, constants)
+        put_lane(couplings_of(couplings[lane], hinges[lane]).constants, lane, constants)
     return Couplings(pairs, constants)
 
 
@@ -86,12 +80,11 @@ def cells_of(n, rare):
     """(n,) the first hinge of the cell of each hinge; (0,) without couplings; None for a plain chain."""
     if rare is None:
         return None
-    couplings = rare.couplings
-    if len(couplings) == 0:
+    if len(rare.couplings) == 0:
         return np.empty(0, np.int64)
     first, furthest = np.arange(n), np.arange(n)
-    for c in range(len(couplings)):
-        furthest[couplings[c].inner] = max(furthest[couplings[c].inner], couplings[c].outer)
+    for pair in rare.couplings:
+        furthest[pair.inner] = max(furthest[pair.inner], pair.outer)
     begin = end = 0
     for k in range(n):
         if k > end:

@@ -19,7 +19,8 @@ from flexlink.kernels.geometry.kinematics import KinematicsWork, kinematics
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import allocating, inlined, kernel, subroutine
 from flexlink.kernels.tools.lanes import Turns
-from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, apply, cross, dot, put, scale, sub, vector
+from flexlink.kernels.tools.records import added, keep, kept
+from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, apply, cross, dot, scale, sub, vector
 
 EPSILON = 1e-100
 """ε of the complex step."""
@@ -30,8 +31,8 @@ class Drag(NamedTuple):
 
     chain: Any
     placed: KinematicsWork
-    motion: Any  # (bodies, 2, 3) ω of every body, and v of its hinge point
-    loads: Any  # (bodies, 2, 3) force on the subtree of every body, and moment about its hinge point
+    motion: Any  # (bodies, 6) ω of every body, and v of its hinge point
+    loads: Any  # (bodies, 6) force on the subtree of every body, and moment about its hinge point
     torque: Any  # (n,) T
 
 
@@ -47,10 +48,10 @@ class DragSlopes(NamedTuple):
 def drag_of(chain):
     """The drag of a chain; without drag the scratch arrays are empty and share memory to save allocations."""
     m, n = drag_sizes(chain)
-    points, motion = np.empty((m, 3)), np.empty((m, 2, 3))
+    points, motion = np.empty((m, 3)), np.empty((m, 6))
     axes, loads = points, motion
     if m > 0:
-        axes, loads = np.empty((n, 3)), np.empty((m, 2, 3))
+        axes, loads = np.empty((n, 3)), np.empty((m, 6))
     return Drag(chain, KinematicsWork(np.empty((m, 3, 3)), points, axes), motion, loads, np.empty(n))
 
 
@@ -58,10 +59,10 @@ def drag_of(chain):
 def drag_slopes_of(chain):
     """Scratch for the derivatives of a chain's drag; without drag the arrays are empty and share memory."""
     (m, n), c = drag_sizes(chain), np.complex128
-    points, motion, torque, angles = np.empty((m, 3), c), np.empty((m, 2, 3), c), np.empty(n, c), np.empty((3, n), c)
+    points, motion, torque, angles = np.empty((m, 3), c), np.empty((m, 6), c), np.empty(n, c), np.empty((3, n), c)
     axes, loads, rates = points, motion, torque
     if m > 0:
-        axes, loads, rates = np.empty((n, 3), c), np.empty((m, 2, 3), c), np.empty(n, c)
+        axes, loads, rates = np.empty((n, 3), c), np.empty((m, 6), c), np.empty(n, c)
     drag = Drag(chain, KinematicsWork(np.empty((m, 3, 3), c), points, axes), motion, loads, torque)
     return DragSlopes(drag, Turns(angles[0], angles[1], angles[2]), rates)
 
@@ -89,7 +90,15 @@ def drag_torque(element, q, qd, torque):
 def find_torques(work, q, qd):
     """Write T to `work.torque`, at rates (n,) and angles (n,); the angles may be `Turns`."""
     put_loads(work, q, qd)
-    add_up(work)
+    bodies, hinges, loads, torque = work.chain.bodies, work.chain.hinges, work.loads, work.torque
+    points, axes = work.placed.points, work.placed.axes
+    for i in range(len(bodies) - 1, -1, -1):
+        b, (f, n) = bodies[i], kept(loads, i, (ZERO, ZERO))
+        for k in range(b.first, b.stop):
+            torque[k] = -dot(vector(axes[k]), f if hinges[k].axis >= SLIDES else n)
+        if b.parent > 0:
+            step = sub(vector(points[i]), vector(points[b.parent - 1]))
+            keep(loads, b.parent - 1, added(loads, b.parent - 1, (f, add(n, cross(step, f)))))
 
 
 @inlined
@@ -98,11 +107,9 @@ def put_loads(work, q, qd):
     drag = work.chain.rare.drag
     kinematics(work.chain, q, work.placed)
     move(work, qd)
-    for i in range(len(work.loads)):
-        put(work.loads[i, 0], ZERO)
-        put(work.loads[i, 1], ZERO)
-    for k in range(len(drag)):
-        pull(drag[k], work.placed.rotations[drag[k].body], work.motion[drag[k].body], work.loads[drag[k].body])
+    work.loads[:] = 0.0
+    for point in drag:
+        pull(point, work.placed.rotations[point.body], work)
 
 
 @inlined
@@ -111,46 +118,28 @@ def move(work, qd):
     chain = work.chain
     bodies, hinges, points, axes = chain.bodies, chain.hinges, work.placed.points, work.placed.axes
     for i in range(len(bodies)):
-        b, motion = bodies[i], work.motion[i]
-        put(motion[0], ZERO)
-        put(motion[1], ZERO)
+        b, ω, v = bodies[i], ZERO, ZERO
         if b.parent > 0:
-            before = work.motion[b.parent - 1]
-            step = sub(vector(points[i]), vector(points[b.parent - 1]))
-            put(motion[0], vector(before[0]))
-            put(motion[1], add(vector(before[1]), cross(vector(before[0]), step)))
+            ω, v = kept(work.motion, b.parent - 1, (ω, v))
+            v = add(v, cross(ω, sub(vector(points[i]), vector(points[b.parent - 1]))))
         for k in range(b.first, b.stop):
-            moved = motion[1 if hinges[k].axis >= SLIDES else 0]
-            put(moved, add_scaled(vector(moved), qd[k], vector(axes[k])))
+            if hinges[k].axis >= SLIDES:
+                v = add_scaled(v, qd[k], vector(axes[k]))
+            else:
+                ω = add_scaled(ω, qd[k], vector(axes[k]))
+        keep(work.motion, i, (ω, v))
 
 
 @inlined
-def pull(point, R, motion, loads):
+def pull(point, R, work):
     """Add the drag force at a point, and its moment, to the loads of the body."""
-    lever = apply(R, vector(point.point))
-    v = add(vector(motion[1]), cross(vector(motion[0]), lever))
+    lever, (ω, v) = apply(R, vector(point.point)), kept(work.motion, point.body, (ZERO, ZERO))
+    v = add(v, cross(ω, lever))
     y, z = apply(R, vector(point.across[0])), apply(R, vector(point.across[1]))
     u, w = dot(v, y), dot(v, z)
     s = np.sqrt(u * u + w * w)
     f = add(scale(-s * point.drag[0] * u, y), scale(-s * point.drag[1] * w, z))
-    put(loads[0], add(vector(loads[0]), f))
-    put(loads[1], add(vector(loads[1]), cross(lever, f)))
-
-
-@inlined
-def add_up(work):
-    """Backward pass: T of every joint from the loads on the subtree outboard of it."""
-    bodies, hinges, loads, torque = work.chain.bodies, work.chain.hinges, work.loads, work.torque
-    points, axes = work.placed.points, work.placed.axes
-    for i in range(len(bodies) - 1, -1, -1):
-        b, f, n = bodies[i], vector(loads[i, 0]), vector(loads[i, 1])
-        for k in range(b.first, b.stop):
-            torque[k] = -dot(vector(axes[k]), f if hinges[k].axis >= SLIDES else n)
-        if b.parent > 0:
-            inner = loads[b.parent - 1]
-            step = sub(vector(points[i]), vector(points[b.parent - 1]))
-            put(inner[0], add(vector(inner[0]), f))
-            put(inner[1], add(vector(inner[1]), add(n, cross(step, f))))
+    keep(work.loads, point.body, added(work.loads, point.body, (f, cross(lever, f))))
 
 
 @kernel
@@ -158,7 +147,7 @@ def drag_loads(chain, q, qd):
     """Drag force on every body and moment about its hinge point, in frame 0, in a new array (bodies, 2, 3)."""
     drag = drag_of(chain)
     put_loads(drag, q, qd)
-    return drag.loads
+    return drag.loads.reshape(-1, 2, 3)
 
 
 @subroutine

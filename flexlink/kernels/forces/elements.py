@@ -48,7 +48,7 @@ from flexlink.kernels.forces.rotation_springs import (
 from flexlink.kernels.forces.rotation_tangent import RotationTangent, rotation_slopes, rotation_tangent
 from flexlink.kernels.layout import FORCES, ChainArrays, Rare
 from flexlink.kernels.tools.compiler import allocating, kernel, of_each, recursion, subroutine
-from flexlink.kernels.tools.lanes import at, empty_lanes, put_at, zero_of
+from flexlink.kernels.tools.lanes import at, empty_lanes, put_at
 
 
 class Forces(NamedTuple):
@@ -120,8 +120,7 @@ def add_own_slopes(elements, q, qd, own):
 @recursion
 def find_own_slopes(forces, q, qd, own):
     """Write the slopes of `add_own_slopes` to `own` (2, n)."""
-    for k in range(len(q)):
-        own[0, k] = own[1, k] = 0.0
+    own[:] = 0.0
     if forces.act:
         add_own_slopes(forces.elements, q, qd, own)
 
@@ -130,10 +129,7 @@ def find_own_slopes(forces, q, qd, own):
 def find_slopes(slopes, q, qd):
     """Write ∂T/∂q and ∂T/∂q̇ of all elements to `slopes.found`."""
     if slopes.act:
-        for part in range(2):
-            for i in range(len(q)):
-                for j in range(len(q)):
-                    slopes.found[part, i, j] = 0.0
+        slopes.found[:] = 0.0
         add_slopes(slopes.elements, q, qd, slopes.found[0], slopes.found[1])
 
 
@@ -142,7 +138,7 @@ def forces_of(chain):
     """The force elements of a chain; None for a plain chain."""
     if chain.rare is None:
         return None
-    elements = (couplings_of(chain), rotation_of(chain)) + in_motion(chain)  # noqa: RUF005
+    elements = (couplings_of(chain.rare.couplings, chain.hinges), rotation_of(chain)) + in_motion(chain)  # noqa: RUF005
     return Forces(elements, any_acts(chain.rare, elements[1]), np.empty(len(chain.hinges)))
 
 
@@ -211,8 +207,7 @@ def forces_side_by_side(chains):
 def subtract_torques(forces, rows, q, qd, net):
     """Subtract T of all elements from column `net` of the hinge rows; returns the dissipated power [W]."""
     torque = forces.torque
-    for k in range(len(torque)):
-        put_at(torque, zero_of(qd), k)
+    torque[:] = 0.0
     lost = add_torques(forces.elements, q, qd, torque)
     for k in range(len(torque)):
         put_at(rows, at(rows, k, net) - at(torque, k), k, net)

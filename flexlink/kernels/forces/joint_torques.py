@@ -7,6 +7,7 @@ import numpy as np
 from flexlink.kernels.tools.compiler import allocating, inlined, recursion
 from flexlink.kernels.tools.lanes import at, put_at, tanh, zero_of
 from flexlink.kernels.tools.numbered import numbered
+from flexlink.kernels.tools.records import keep
 
 
 @recursion
@@ -31,29 +32,13 @@ JOINT = numbered("stiffness rest damping coulomb width")
 @allocating
 def put_joint(rows, k, hinge):
     """Copy k, θ₀, d, c, w to the first columns of row `k`."""
-    rows[k, JOINT.stiffness], rows[k, JOINT.rest], rows[k, JOINT.damping] = hinge.stiffness, hinge.rest, hinge.damping
-    rows[k, JOINT.coulomb], rows[k, JOINT.width] = hinge.coulomb, hinge.coulomb_width
+    keep(rows, k, (hinge.stiffness, hinge.rest, hinge.damping, hinge.coulomb, hinge.coulomb_width))
 
 
 @allocating
 def dry_joints(coulomb):
     """Indices of the joints with dry friction; the other joints need no tanh."""
-    count = 0
-    dry = np.empty(len(coulomb), np.int64)
-    for k in range(len(coulomb)):
-        if coulomb[k] > 0.0:
-            dry[count] = k
-            count += 1
-    return dry[:count].copy()
-
-
-@allocating
-def prescribed_joints(hinges):
-    """Boolean mask (n,) of the joints with prescribed motion."""
-    prescribed = np.empty(len(hinges), np.bool_)
-    for k in range(len(hinges)):
-        prescribed[k] = hinges[k].prescribed
-    return prescribed
+    return np.flatnonzero(coulomb > 0.0)
 
 
 @inlined
@@ -70,8 +55,7 @@ def subtract_dry_friction(rows, dry, qd, net):
     This is a separate loop because most chains have no dry friction.
     """
     power = zero_of(qd)
-    for i in range(len(dry)):
-        k = dry[i]
+    for k in dry:
         torque = at(rows, k, JOINT.coulomb) * tanh(at(qd, k) / at(rows, k, JOINT.width))
         put_at(rows, at(rows, k, net) - torque, k, net)
         power += at(qd, k) * torque

@@ -32,7 +32,7 @@ chains side by side (`lanes`).
 
 from flexlink.kernels.forces.elements import subtract_torques
 from flexlink.kernels.forces.joint_torques import smooth_torques, subtract_dry_friction
-from flexlink.kernels.forward.articulated_branches import add_inertia_of_branch, add_load_of_branch, clear
+from flexlink.kernels.forward.articulated_branches import add_inertia_of_branch, add_load_of_branch
 from flexlink.kernels.forward.articulated_groups import (
     add_pair,
     eliminate_along,
@@ -50,7 +50,7 @@ from flexlink.kernels.forward.articulated_groups import (
     with_bias,
 )
 from flexlink.kernels.forward.articulated_layout import GROUP, LAYOUT
-from flexlink.kernels.forward.articulated_rows import BODY_ROW, HINGE_ROW, RESTART, THIRD_HINGE, axes_of, put_axes_of
+from flexlink.kernels.forward.articulated_rows import BODY_ROW, HINGE_ROW, RESTART, THIRD_HINGE, axes_of
 from flexlink.kernels.forward.slides import accelerate_slides, eliminate_slides, put_slides
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 from flexlink.kernels.tools.lanes import at, put_at, put_vec_of, vec, vec_of, zero_of
@@ -65,7 +65,12 @@ from flexlink.kernels.tools.vec3 import add, add_along, add_scaled, cross, dot, 
 def articulated(wrench, q, qd, tau, qdd, work):
     """Write q̈ for drive torques `tau`, all (n,) or (n, 8), and the tip wrench (6,); see `forward_dynamics`."""
     layout, prescribed, bodies, hinges, trig = work.layout, work.prescribed, work.bodies, work.hinges, work.trig
-    power = prepare(q, qd, tau, hinges, trig[0])
+    power = zero_of(q)
+    for k in range(len(q)):
+        put_at(trig[0], at(q, k), k)
+        working, torque = smooth_torques(hinges, k, at(q, k), at(qd, k), at(tau, k))
+        put_at(hinges, torque, k, HINGE_ROW.torque)
+        power += working * at(qd, k)
     lost = subtract_dry_friction(hinges, work.dry, qd, HINGE_ROW.torque)
     if work.forces is not None and rarely(work.forces.act):
         lost += subtract_torques(work.forces, hinges, q, qd, HINGE_ROW.torque)
@@ -75,18 +80,6 @@ def articulated(wrench, q, qd, tau, qdd, work):
     return (
         turning + accelerate(work.gravity, layout, work.forks, prescribed, bodies, hinges, qd, tau, qdd, power) - lost
     )
-
-
-@inlined
-def prepare(q, qd, tau, hinges, angles):
-    """Store angles and T_EX − d q̇ − k (θ − θ₀) of all hinges; return the power of drives and viscous friction."""
-    power = zero_of(q)
-    for k in range(len(q)):
-        put_at(angles, at(q, k), k)
-        working, torque = smooth_torques(hinges, k, at(q, k), at(qd, k), at(tau, k))
-        put_at(hinges, torque, k, HINGE_ROW.torque)
-        power += working * at(qd, k)
-    return power
 
 
 @inlined
@@ -105,7 +98,8 @@ def outward(layout, axes, bodies, hinges, forks, wrench, qd, places, cosines, si
     for i in range(len(layout)):
         if forks is not None and rarely(layout[i, LAYOUT.begins]):
             x, y, z, ω, f, n = kept(forks, layout[i, LAYOUT.slot], (x, y, z, ω, f, n))
-        put_lever(bodies, i, ω, x, y, z)
+        r = rotate(vec_of(bodies, i, BODY_ROW.reach), x, y, z)  # from the hinge point of the parent
+        keep(bodies, i, (r, swung(ω, r)), BODY_ROW.r)
         if layout[i, LAYOUT.turned]:
             u, v, w = axes_of(bodies, i, BODY_ROW.mount)
             x, y, z = rotate(u, x, y, z), rotate(v, x, y, z), rotate(w, x, y, z)
@@ -124,8 +118,8 @@ def outward(layout, axes, bodies, hinges, forks, wrench, qd, places, cosines, si
                 ζ = add_scaled(ζ, rate, cross(ω, e))
                 ω = add_scaled(ω, rate, e)
                 x, y, z = turn_axes(axis, at(cosines, k), at(sines, k), x, y, z)
-        put_vec_of(bodies, ζ, i, BODY_ROW.ζ)
-        put_body(bodies, i, ω, x, y, z)
+        mc = rotate(vec_of(bodies, i, BODY_ROW.moment), x, y, z)
+        keep(bodies, i, (ζ, mc, swung(ω, mc)), BODY_ROW.ζ)
         if layout[i, LAYOUT.group] == GROUP.pair:
             u, v, w = pair_axes(bodies, i, hinges, layout[i, LAYOUT.first], axes, cosines, sines)
             put_axes(bodies, i, ω, u, v, w)
@@ -139,25 +133,9 @@ def outward(layout, axes, bodies, hinges, forks, wrench, qd, places, cosines, si
 
 
 @inlined
-def put_lever(bodies, i, ω, x, y, z):
-    """Store r of body `i`, from the hinge point of its parent with axes x, y, z, and the centripetal acceleration b."""
-    r = rotate(vec_of(bodies, i, BODY_ROW.reach), x, y, z)
-    put_vec_of(bodies, r, i, BODY_ROW.r)
-    put_vec_of(bodies, swung(ω, r), i, BODY_ROW.b)
-
-
-@inlined
-def put_body(bodies, i, ω, x, y, z):
-    """Store m c of body `i` with axes x, y, z, and its centripetal force at the rate ω."""
-    mc = rotate(vec_of(bodies, i, BODY_ROW.moment), x, y, z)
-    put_vec_of(bodies, mc, i, BODY_ROW.mc)
-    put_vec_of(bodies, swung(ω, mc), i, BODY_ROW.f)
-
-
-@inlined
 def put_axes(bodies, i, ω, x, y, z):
     """Store the axes of body `i` for its group of hinges, and ω × I ω along them."""
-    put_axes_of(bodies, x, y, z, i, BODY_ROW.axes)
+    keep(bodies, i, (x, y, z), BODY_ROW.axes)
     ω = components(ω, x, y, z)
     put_vec_of(bodies, cross(ω, sym_apply(sym_of(bodies, i, BODY_ROW.inertia), ω)), i, BODY_ROW.n)
 
@@ -176,8 +154,7 @@ def begin_axes(bodies, i, x, y, z):
     """
     μ = at(bodies, i, RESTART.restarts)
     ν = 1.0 - μ
-    u, v, w = mixed(μ, x, y, z, ν)
-    put_axes_of(bodies, u, v, w, i, RESTART.axes_before)
+    keep(bodies, i, mixed(μ, x, y, z, ν), RESTART.axes_before)
     return mixed(ν, x, y, z, μ)
 
 
@@ -194,12 +171,10 @@ def pair_axes(bodies, i, hinges, k, axes, cosines, sines):
     c, s, I = at(cosines, k + 1), at(sines, k + 1), sym_of(bodies, i, BODY_ROW.own_inertia)
     if axes[k + 1] == 2:
         xx, yy, zz, yz, xz, xy = sym_turn(2, c, s, I)
-        first, second = (zz, yy, xx), (-xy, -xz, yz)
+        keep(bodies, i, (zz, yy, xx, -xy, -xz, yz), BODY_ROW.inertia)
     else:
         xx, yy, zz, yz, xz, xy = sym_turn(1, c, s, I)
-        first, second = (yy, zz, xx), (xz, xy, yz)
-    put_vec_of(bodies, first, i, BODY_ROW.inertia)
-    put_vec_of(bodies, second, i, BODY_ROW.inertia + 3)
+        keep(bodies, i, (yy, zz, xx, xz, xy, yz), BODY_ROW.inertia)
     return e2, e1, cross(e2, e1)
 
 
@@ -209,7 +184,7 @@ def inward(layout, axes, prescribed, bodies, hinges, forks, n_tip, f_tip, qdd, c
     o = zero_of(qdd)
     zero = (o, o, o)
     if forks is not None:
-        clear(forks)
+        forks[1:] = 0.0
     n, f = zero, zero
     J, H, M = (o, o, o, o, o, o), (zero, zero, zero), (o, o, o, o, o, o)
     j, h, t = o, zero, zero  # J = j t tᵀ and H = t hᵀ of a pair on the next body
@@ -308,12 +283,13 @@ def accelerate(gravity, layout, forks, prescribed, bodies, hinges, qd, tau, qdd,
         before = add(α, vec_of(bodies, i, BODY_ROW.ζ))
         x, y, z = axes_of(bodies, i, BODY_ROW.axes)
         if group == GROUP.triple:
-            α3 = at(bodies, i, BODY_ROW.α + 2) - dot(vec_of(bodies, i, BODY_ROW.h_D + 6), a)
-            α1, α2, α3 = along_group(bodies, i, α3, a)
-            α = rotate((α1, α2, α3), x, y, z)
+            t1, t2, t3 = vec_of(bodies, i, BODY_ROW.α)
+            t3 -= dot(vec_of(bodies, i, BODY_ROW.h_D + 6), a)
+            α = rotate(along_group(bodies, i, t1, t2, t3, a), x, y, z)
             spread(hinges, first, sub(α, before), qdd)
         elif group == GROUP.pair:
-            α1, α2, α3 = along_group(bodies, i, dot(z, before), a)
+            t1, t2, _ = vec_of(bodies, i, BODY_ROW.α)
+            α1, α2, α3 = along_group(bodies, i, t1, t2, dot(z, before), a)
             α = rotate((α1, α2, α3), x, y, z)
             put_at(qdd, α2 - dot(y, before), first)
             put_at(qdd, α1 - dot(x, before), first + 1)
@@ -332,8 +308,7 @@ def accelerate(gravity, layout, forks, prescribed, bodies, hinges, qd, tau, qdd,
                     more = missing_torque(hinges, k, at(qdd, k), α, a)
                     put_at(tau, at(tau, k) + more, k)
                     power += at(qd, k) * more
-        put_vec_of(bodies, α, i, BODY_ROW.ζ)
-        put_vec_of(bodies, a, i, BODY_ROW.b)
+        keep(bodies, i, (a, α), BODY_ROW.b)
         following = layout[i, LAYOUT.next]
         b = vec_of(bodies, following, BODY_ROW.b)
         a = add(add(a, cross(α, vec_of(bodies, following, BODY_ROW.r))), b)
@@ -351,11 +326,11 @@ def motion_of_branch(bodies, i, parent, gravity):
 
 
 @inlined
-def along_group(bodies, i, α3, a):
-    """α along the axes of body `i`, from its component α₃ and a of the hinge point: Lᵀ α = D⁻¹ (T − h·a)."""
+def along_group(bodies, i, t1, t2, α3, a):
+    """α along the axes of body `i`, from t = D⁻¹ T, α₃, and a of the hinge point: Lᵀ α = t − D⁻¹ h·a."""
     l12, l13, l23 = vec_of(bodies, i, BODY_ROW.factors)
-    α2 = at(bodies, i, BODY_ROW.α + 1) - dot(vec_of(bodies, i, BODY_ROW.h_D + 3), a) - l23 * α3
-    α1 = at(bodies, i, BODY_ROW.α) - dot(vec_of(bodies, i, BODY_ROW.h_D), a) - l12 * α2 - l13 * α3
+    α2 = t2 - dot(vec_of(bodies, i, BODY_ROW.h_D + 3), a) - l23 * α3
+    α1 = t1 - dot(vec_of(bodies, i, BODY_ROW.h_D), a) - l12 * α2 - l13 * α3
     return α1, α2, α3
 
 

@@ -2,11 +2,12 @@
 
 In a forward pass the row stores the state from which the branches continue (axes, motion). In a backward pass the row
 receives the sum of the branches' articulated inertias and bias forces at the hinge point of the fork's body, in the
-working axes of this body (`layout`, `branches`). Complex recursions use a complex view of the rows.
+working axes of this body (`layout`, `branches`); row 0, of the base, receives nothing. Complex recursions use a complex
+view of the rows.
 """
 
 from flexlink.kernels.tools.compiler import inlined, subroutine
-from flexlink.kernels.tools.lanes import put_at, zero_of
+from flexlink.kernels.tools.lanes import zero_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.records import added, keep
 from flexlink.kernels.tools.sym3 import sym_add, sym_apply
@@ -15,14 +16,6 @@ from flexlink.kernels.tools.vec3 import add, cross, dot
 DEMAND = numbered("J:6 H:9 M:6 n:3 f:3")
 FORK_SIZE = 2 * DEMAND.size
 """Number of floats in a row, which can also contain complex numbers, each in two floats."""
-
-
-@subroutine
-def clear(forks):
-    """Set the sums of all forks to zero; row 0, which belongs to the base, is not used."""
-    for k in range(1, len(forks)):
-        for j in range(DEMAND.size):
-            put_at(forks, zero_of(forks, 0, 0), k, j)
 
 
 @inlined

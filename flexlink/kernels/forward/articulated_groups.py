@@ -18,6 +18,7 @@ from flexlink.kernels.forward.articulated_layout import GROUP
 from flexlink.kernels.forward.articulated_rows import BODY_ROW, HINGE_ROW, RESTART, THIRD_HINGE, axes_of
 from flexlink.kernels.tools.compiler import inlined
 from flexlink.kernels.tools.lanes import at, put_at, put_vec_of, vec_of, zero_of
+from flexlink.kernels.tools.records import keep
 from flexlink.kernels.tools.sym3 import sym_add, sym_add_dyad, sym_apply, sym_from_axes, sym_of
 from flexlink.kernels.tools.vec3 import add, add_scaled, combine, cross, dot, rotate, scale, sub
 
@@ -32,12 +33,9 @@ def propagate_inertia(bodies, i, outer, J, H, M, n, f):
     f = add(f, vec_of(bodies, i, BODY_ROW.f))
     o = zero_of(bodies, i, BODY_ROW.mass)
     ΔJ, (K1, K2, K3) = over_lever(o, r, H, M)
-    J = sym_add(J, sym_from_axes(x, y, z, sym_of(bodies, i, BODY_ROW.inertia)))
-    J = sym_add(J, ΔJ)
-    H = (
-        add(K1, (o, -mc[2], mc[1])), add(K2, (mc[2], o, -mc[0])), add(K3, (-mc[1], mc[0], o)),
-    )  # fmt: skip
-    return J, H, with_mass(M, m), n, f
+    J = sym_add(sym_add(J, sym_from_axes(x, y, z, sym_of(bodies, i, BODY_ROW.inertia))), ΔJ)
+    H = add(K1, (o, -mc[2], mc[1])), add(K2, (mc[2], o, -mc[0])), add(K3, (-mc[1], mc[0], o))
+    return J, H, (M[0] + m, M[1] + m, M[2] + m, M[3], M[4], M[5]), n, f
 
 
 @inlined
@@ -55,12 +53,6 @@ def swung(ω, r):
 
 
 @inlined
-def with_mass(M, m):
-    """M + m 1."""
-    return M[0] + m, M[1] + m, M[2] + m, M[3], M[4], M[5]
-
-
-@inlined
 def eliminate_joint(hinges, k, again, J, H, M, n, f):
     """J, H, M, n, f inboard of a hinge, from their values outboard; `again`: the next hinge outward has the same axis.
 
@@ -74,7 +66,7 @@ def eliminate_joint(hinges, k, again, J, H, M, n, f):
         left = at(hinges, k + 1, HINGE_ROW.armature) * at(hinges, k + 1, HINGE_ROW.inverse)
         Je, He = scale(left, vec_of(hinges, k + 1, HINGE_ROW.Je)), scale(left, vec_of(hinges, k + 1, HINGE_ROW.He))
     T, inverse = at(hinges, k, HINGE_ROW.torque) - dot(e, n), 1.0 / (dot(e, Je) + at(hinges, k, HINGE_ROW.armature))
-    keep_joint(hinges, k, Je, He, T, inverse)
+    keep(hinges, k, (Je, He, T, inverse), HINGE_ROW.Je)  # q̈ is computed from these in the forward pass
     u = scale(inverse, Je)
     J, M = sym_add_dyad(J, -inverse, Je), sym_add_dyad(M, -inverse, He)
     H = (add_scaled(H[0], -u[0], He), add_scaled(H[1], -u[1], He), add_scaled(H[2], -u[2], He))
@@ -98,7 +90,7 @@ def eliminate_along(hinges, k, J, H, M, n, f):
     """`eliminate_joint` for a hinge along the working axis z; the remainder along z is exact."""
     Je, He, τ, A = (J[4], J[3], J[2]), H[2], at(hinges, k, HINGE_ROW.torque), at(hinges, k, HINGE_ROW.armature)
     T, inverse = τ - n[2], 1.0 / (J[2] + A)
-    keep_joint(hinges, k, Je, He, T, inverse)
+    keep(hinges, k, (Je, He, T, inverse), HINGE_ROW.Je)
     u, v, rotor = inverse * J[4], inverse * J[3], inverse * A
     J = (J[0] - u * J[4], J[1] - v * J[3], rotor * J[2], rotor * J[3], rotor * J[4], J[5] - u * J[3])
     H = add_scaled(H[0], -u, He), add_scaled(H[1], -v, He), scale(rotor, He)
@@ -111,9 +103,7 @@ def propagate_prescribed(hinges, k, acceleration, J, H, n, f):
     """Return n, f inboard of a hinge with prescribed q̈; stores J e, Hᵀ e and e·n to compute its torque."""
     e = vec_of(hinges, k, HINGE_ROW.axis)
     Je, He = sym_apply(J, e), rotate(e, H[0], H[1], H[2])
-    put_vec_of(hinges, Je, k, HINGE_ROW.Je)
-    put_vec_of(hinges, He, k, HINGE_ROW.He)
-    put_at(hinges, dot(e, n), k, HINGE_ROW.T)
+    keep(hinges, k, (Je, He, dot(e, n)), HINGE_ROW.Je)
     return add_scaled(n, acceleration, Je), add_scaled(f, acceleration, He)
 
 
@@ -126,22 +116,11 @@ def missing_torque(hinges, k, acceleration, α, a):
 
 
 @inlined
-def keep_joint(hinges, k, Je, He, T, inverse):
-    """Store the coefficients from which q̈ is computed in the forward pass."""
-    put_vec_of(hinges, Je, k, HINGE_ROW.Je)
-    put_vec_of(hinges, He, k, HINGE_ROW.He)
-    put_at(hinges, T, k, HINGE_ROW.T)
-    put_at(hinges, inverse, k, HINGE_ROW.inverse)
-
-
-@inlined
 def in_axes_before(bodies, i, J, H, M, n, f):
     """Convert J, H, M, n, f to the working axes that apply inboard of body `i`, where the axes restart."""
     x, y, z = axes_of(bodies, i, RESTART.axes_before)
     p, q, r = rotate(H[0], x, y, z), rotate(H[1], x, y, z), rotate(H[2], x, y, z)
-    H = (
-        combine(x[0], p, y[0], q, z[0], r), combine(x[1], p, y[1], q, z[1], r), combine(x[2], p, y[2], q, z[2], r),
-    )  # fmt: skip
+    H = combine(x[0], p, y[0], q, z[0], r), combine(x[1], p, y[1], q, z[1], r), combine(x[2], p, y[2], q, z[2], r)
     return sym_from_axes(x, y, z, J), H, sym_from_axes(x, y, z, M), rotate(n, x, y, z), rotate(f, x, y, z)
 
 
@@ -160,7 +139,8 @@ def propagate_body(bodies, i, outer, M, n, f):
         I[3] + dot(d2, M3), I[4] + dot(d1, M3), I[5] + dot(d1, M2),
     )  # fmt: skip
     h = add(cross(x, mc), M1), add(cross(y, mc), M2), add(cross(z, mc), M3)
-    return J, h, n, with_mass(M, m), add(f, vec_of(bodies, i, BODY_ROW.f))
+    M = M[0] + m, M[1] + m, M[2] + m, M[3], M[4], M[5]
+    return J, h, n, M, add(f, vec_of(bodies, i, BODY_ROW.f))
 
 
 @inlined
@@ -218,13 +198,9 @@ def eliminate_two(bodies, i, J, h, T, M, f):
     l23 = J23 * i2
     h3, T3 = add_scaled(h3, -l23, h2), T3 - l23 * T2
     α1, α2 = i1 * T1, i2 * T2
-    put_vec_of(bodies, scale(i1, h1), i, BODY_ROW.h_D)
-    put_vec_of(bodies, scale(i2, h2), i, BODY_ROW.h_D + 3)
-    put_vec_of(bodies, (l12, l13, l23), i, BODY_ROW.factors)
-    put_at(bodies, α1, i, BODY_ROW.α)
-    put_at(bodies, α2, i, BODY_ROW.α + 1)
-    put_at(bodies, i1, i, BODY_ROW.inverses)
-    put_at(bodies, i2, i, BODY_ROW.inverses + 1)
+    keep(bodies, i, (scale(i1, h1), scale(i2, h2)), BODY_ROW.h_D)
+    keep(bodies, i, (l12, l13, l23, α1, α2), BODY_ROW.factors)
+    keep(bodies, i, (i1, i2), BODY_ROW.inverses)
     M = sym_add_dyad(sym_add_dyad(M, -i1, h1), -i2, h2)
     return J33 - l23 * J23, h3, T3, M, add(f, add_scaled(scale(α1, h1), α2, h2))
 

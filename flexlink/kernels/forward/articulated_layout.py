@@ -20,6 +20,7 @@ import numpy as np
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import allocating, kernel
 from flexlink.kernels.tools.numbered import numbered
+from flexlink.kernels.tools.records import keep
 
 LAYOUT = numbered("first stop turned restart group parent begins slot fork loaded next")
 """Integers of a body: its hinges first … stop − 1; 1 if a mount rotates it; 1 if working axes restart at it; its group;
@@ -45,11 +46,9 @@ def layout_of(bodies, hinges):
             layout[i, LAYOUT.restart] = single and not along
             along = single
         beyond[i + 1] = along
-        layout[i, LAYOUT.first], layout[i, LAYOUT.stop], layout[i, LAYOUT.turned] = b.first, b.stop, b.turned
-        layout[i, LAYOUT.parent], layout[i, LAYOUT.begins], layout[i, LAYOUT.slot] = b.parent, b.begins, b.slot
-        layout[i, LAYOUT.fork], layout[i, LAYOUT.loaded] = b.fork, b.loaded
         last = i == len(bodies) - 1 or bodies[i + 1].begins
-        layout[i, LAYOUT.next] = len(bodies) if last else i + 1
+        keep(layout, i, (b.first, b.stop, b.turned))
+        keep(layout, i, (b.parent, b.begins, b.slot, b.fork, b.loaded, len(bodies) if last else i + 1), LAYOUT.parent)
         massless = b.first == b.stop and b.mass == 0.0 and not np.any(b.inertia)
         layout[i, LAYOUT.group] = GROUP.tip if last and b.fork == 0 and massless else group_of(b, hinges)
     return layout

@@ -5,14 +5,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.kernels.forces.elements import forces_of, forces_side_by_side, one_of
-from flexlink.kernels.forces.joint_torques import JOINT, dry_joints, prescribed_joints, put_joint
+from flexlink.kernels.forces.joint_torques import JOINT, dry_joints, put_joint
 from flexlink.kernels.forward.articulated_branches import DEMAND, FORK_SIZE
 from flexlink.kernels.forward.articulated_layout import GROUP, LAYOUT, common_layout, layout_of
 from flexlink.kernels.geometry.branches import fork_lanes, fork_rows
-from flexlink.kernels.layout import ChainArrays
 from flexlink.kernels.tools.compiler import inlined, kernel, shared
-from flexlink.kernels.tools.lanes import LANES, empty_lanes, put_lane, put_vec_of, vec_of
+from flexlink.kernels.tools.lanes import LANES, empty_lanes, put_lane, vec_of
 from flexlink.kernels.tools.numbered import numbered
+from flexlink.kernels.tools.records import keep
 from flexlink.kernels.tools.sym3 import point_inertia, sym_add, symmetric
 from flexlink.kernels.tools.vec3 import scale, vector
 
@@ -24,7 +24,7 @@ BODY_ROW = numbered(
     # along x_j. The x_j are the axes of the body, for a pair e₂, e₁, e₂ × e₁. In the axes that apply inboard of it:
     # r, from the hinge point of the parent to that of the body, and b = ω × (ω × r), with ω of the parent;
     # each prismatic hinge adds 2 q̇ ω × e to b.
-    "axes:9 r:3 mc:3 b:3 ζ:3 f:3 inertia:6 n:3",
+    "axes:9 r:3 b:3 ζ:3 mc:3 f:3 inertia:6 n:3",
     # Pair or triple, after elimination of J: h_j / D_j, the factors of J, α and 1 / D_j.
     "h_D:9 factors:3 α:3 inverses:3",
 )
@@ -54,51 +54,47 @@ class ArticulatedWork(NamedTuple):
 
 @shared
 @kernel
-def articulated_workspace(bodies, hinges, gravity, rare):
+def articulated_workspace(chain):
     """Allocate the workspace of `articulated`, and fill in the chain's constants."""
-    n = len(hinges)
+    bodies, hinges, n = chain.bodies, chain.hinges, len(chain.hinges)
     layout, axes = layout_of(bodies, hinges), np.empty(n, np.int64)
     rows, joints = np.zeros((len(bodies) + 1, BODY_ROW.size)), np.zeros((n, HINGE_ROW.size))
     for i in range(len(bodies)):
         b = bodies[i]
         for j in range(9):
             rows[i, BODY_ROW.mount + j] = b.rotation[j % 3, j // 3]
-        rows[i, BODY_ROW.mass], rows[i, RESTART.restarts] = b.mass, layout[i, LAYOUT.restart]
-        put_vec_of(rows, scale(b.mass, vector(b.center)), i, BODY_ROW.moment)
         inertia = sym_add(symmetric(b.inertia), point_inertia(b.mass, vector(b.center)))
-        for j in range(6):
-            rows[i, BODY_ROW.own_inertia + j] = rows[i, BODY_ROW.inertia + j] = inertia[j]
-        put_vec_of(rows, vector(b.translation), i, BODY_ROW.reach)
+        keep(rows, i, (b.mass, scale(b.mass, vector(b.center)), inertia, vector(b.translation)), BODY_ROW.mass)
+        keep(rows, i, inertia, BODY_ROW.inertia)
+        rows[i, RESTART.restarts] = layout[i, LAYOUT.restart]
     for k in range(n):
         put_joint(joints, k, hinges[k])
         joints[k, HINGE_ROW.armature], axes[k] = hinges[k].armature, hinges[k].axis
     for k in layout[layout[:, LAYOUT.group] == GROUP.triple, LAYOUT.first]:
         joints[k + 2, THIRD_HINGE.sense] = 1.0 if axes[k + 1] == (axes[k] + 1) % 3 else -1.0
     trig = np.zeros((3, -(-n // LANES) * LANES))  # angles, cosines, sines; padded to full vectors
-    chain, dry = ChainArrays(bodies, hinges, gravity, rare), dry_joints(joints[:, JOINT.coulomb])
     return ArticulatedWork(
-        gravity.copy(), layout, axes, prescribed_joints(hinges), rows, joints, dry, trig, trig,
-        fork_rows(chain, FORK_SIZE), forces_of(chain),
+        chain.gravity.copy(), layout, axes, hinges["prescribed"] != 0, rows, joints,
+        dry_joints(joints[:, JOINT.coulomb]), trig, trig, fork_rows(chain, FORK_SIZE), forces_of(chain),
     )  # fmt: skip
 
 
 @kernel
-def articulated_lanes_workspace(bodies, hinges, gravity, rare):
+def articulated_lanes_workspace(chains):
     """The workspace for eight chains with equal hinges side by side, from arrays (8, bodies), (8, n) and (8, 3)."""
-    m, n, chains = bodies.shape[1], hinges.shape[1], ChainArrays(bodies, hinges, gravity, rare)
+    m, n = chains.bodies.shape[1], chains.hinges.shape[1]
     axes, coulomb, layouts = np.empty(n, np.int64), np.zeros(n), np.empty((LANES, m, LAYOUT.size), np.int64)
     base, rows = empty_lanes((3,)), empty_lanes((m + 1, BODY_ROW.size))
     joints, trig = empty_lanes((n, HINGE_ROW.size)), empty_lanes((3, n))
     for lane in range(LANES):
-        chain = one_of(chains, lane)
-        one = articulated_workspace(chain.bodies, chain.hinges, chain.gravity, chain.rare)
+        one = articulated_workspace(one_of(chains, lane))
         axes[:] = one.axes
         layouts[lane] = one.layout
-        base[:, lane] = gravity[lane]
+        base[:, lane] = one.gravity
         put_lane(one.bodies, lane, rows)
         put_lane(one.hinges, lane, joints)
         coulomb += one.hinges[:, JOINT.coulomb]
-    prescribed, flat = prescribed_joints(hinges[0]), trig.reshape(3, n * LANES)
+    prescribed, flat = chains.hinges[0]["prescribed"] != 0, trig.reshape(3, n * LANES)
     layout, dry = common_layout(layouts), dry_joints(coulomb)
     return ArticulatedWork(
         base, layout, axes, prescribed, rows, joints, dry, flat, trig,
@@ -119,11 +115,3 @@ def inertia_alone(work):
 def axes_of(bodies, i, first):
     """Three vectors that start at column `first` of row `i`."""
     return vec_of(bodies, i, first), vec_of(bodies, i, first + 3), vec_of(bodies, i, first + 6)
-
-
-@inlined
-def put_axes_of(bodies, x, y, z, i, first):
-    """Write the vectors that `axes_of` reads."""
-    put_vec_of(bodies, x, i, first)
-    put_vec_of(bodies, y, i, first + 3)
-    put_vec_of(bodies, z, i, first + 6)

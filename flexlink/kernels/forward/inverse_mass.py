@@ -12,12 +12,13 @@ factors are floats; r and x are floats or eight floats side by side (`lanes`). T
 of its parent body. In the forward pass the rows of the loads store the accelerations from which branches continue.
 """
 
-from flexlink.kernels.forward.articulated import spread
+from flexlink.kernels.forward.articulated import along_group, spread
 from flexlink.kernels.forward.articulated_layout import GROUP, LAYOUT
 from flexlink.kernels.forward.articulated_rows import BODY_ROW, HINGE_ROW, RESTART, THIRD_HINGE, axes_of
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
-from flexlink.kernels.tools.lanes import at, put_at, put_vec_of, vec_of, zero_of
+from flexlink.kernels.tools.lanes import at, put_at, vec_of, zero_of
 from flexlink.kernels.tools.rare import rarely
+from flexlink.kernels.tools.records import added, keep
 from flexlink.kernels.tools.vec3 import add, add_scaled, combine, combine2, cross, dot, rotate, sub
 
 
@@ -31,8 +32,7 @@ def solve_on_articulated(r, loads, x, work):
     o = zero_of(x)
     n, f = (o, o, o), (o, o, o)
     for i in range(len(layout) - 1, -1, -1):
-        n = add(add(n, cross(vec_of(bodies, i + 1, BODY_ROW.r), f)), vec_of(loads, i, 0))
-        f = add(f, vec_of(loads, i, 3))
+        n, f = added(loads, i, (add(n, cross(vec_of(bodies, i + 1, BODY_ROW.r), f)), f))
         if layout[i, LAYOUT.group] == GROUP.triple or layout[i, LAYOUT.group] == GROUP.pair:
             triple = layout[i, LAYOUT.group] == GROUP.triple
             n, f = load_group(bodies, i, hinges, layout[i, LAYOUT.first], triple, r, x, n, f)
@@ -68,8 +68,7 @@ def solve_on_articulated(r, loads, x, work):
                     put_at(x, at(x, k) - hinges[k, HINGE_ROW.inverse] * demand, k)
                 α = add_scaled(α, at(x, k), vec_of(hinges, k, HINGE_ROW.axis))
         if work.forks is not None and rarely(layout[i, LAYOUT.fork] > 0):
-            put_vec_of(loads, α, i, 0)
-            put_vec_of(loads, a, i, 3)
+            keep(loads, i, (α, a))
         a = add(a, cross(α, vec_of(bodies, i + 1, BODY_ROW.r)))
 
 
@@ -77,8 +76,7 @@ def solve_on_articulated(r, loads, x, work):
 def add_branch(loads, number, r, n, f):
     """Add the load of a branch, at a hinge point displaced by r, to body `number`, counted from 1; 0 is the base."""
     if number > 0:
-        put_vec_of(loads, add(add(n, cross(r, f)), vec_of(loads, number - 1, 0)), number - 1, 0)
-        put_vec_of(loads, add(f, vec_of(loads, number - 1, 3)), number - 1, 3)
+        keep(loads, number - 1, added(loads, number - 1, (add(n, cross(r, f)), f)))
 
 
 @subroutine
@@ -153,12 +151,10 @@ def load_group(bodies, i, hinges, k, triple, r, x, n, f):
 def move_group(bodies, i, hinges, k, triple, x, before, a):
     """Return α outboard of a triple or pair of hinges from `k`; write x of these hinges."""
     u, v, w = axes_of(bodies, i, BODY_ROW.axes)
-    l12, l13, l23 = vec_of(bodies, i, BODY_ROW.factors)
     α3 = dot(w, before)
     if triple:
         α3 = at(x, k + 2) - dot(vec_of(bodies, i, BODY_ROW.h_D + 6), a)
-    α2 = at(x, k + 1) - dot(vec_of(bodies, i, BODY_ROW.h_D + 3), a) - l23 * α3
-    α1 = at(x, k) - dot(vec_of(bodies, i, BODY_ROW.h_D), a) - l12 * α2 - l13 * α3
+    α1, α2, α3 = along_group(bodies, i, at(x, k), at(x, k + 1), α3, a)
     α = rotate((α1, α2, α3), u, v, w)
     if triple:
         spread(hinges, k, sub(α, before), x)

@@ -23,8 +23,7 @@ def power_of(chain, wrench, qd, tau, rates, axes):
 def turning_of_tip(chain, qd, rates):
     """Write q̇ of the revolute hinges on the path to the loaded body, zero for all others."""
     i = 0
-    for k in range(len(qd)):
-        rates[k] = 0.0
+    rates[:] = 0.0
     for j in range(len(chain.bodies)):
         if chain.bodies[j].loaded:
             i = j + 1

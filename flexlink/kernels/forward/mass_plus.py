@@ -4,6 +4,9 @@ The type of the posture selects the recursion for a plane or for space, as in `f
 springs are coupled: if `first` is None, no code for cells is compiled. All numbers except the posture's may be complex.
 """
 
+from flexlink.kernels.bodies.plane import PlanarWork
+from flexlink.kernels.bodies.rne import RneWork
+from flexlink.kernels.bodies.shaped_mass import weigh_in_plane, weigh_in_space
 from flexlink.kernels.forward.mass_plus_cells import columns, put_couplings
 from flexlink.kernels.forward.mass_plus_plane import (
     PlanePosture,
@@ -18,11 +21,8 @@ from flexlink.kernels.forward.mass_plus_shapes import (
     ShapedPosture,
     as_given,
     closest_sum,
-    displacement_of_hinges,
     factor_shapes,
-    place_shapes,
     shaped_columns,
-    shaped_posture_of,
     shaped_without_cells,
     solve_shapes,
 )
@@ -50,9 +50,32 @@ def factor_columns(posture):
     """Number of columns of `factors` (n, columns)."""
 
 
+@inlined
+def shaped_posture_of(i, postures):
+    """`posture_of_stage` of hinges that move by shapes."""
+    return ShapedPosture(
+        postures.chain, postures.shapes, postures.mass, postures.M[i], postures.y,
+        posture_of_stage(i, postures.hinges), postures.first, postures.coupled, postures.radius,
+    )  # fmt: skip
+
+
 @by_type({PlanePosture: plane_posture_of, SpacePosture: space_posture_of, ShapedPosture: shaped_posture_of})
 def posture_of_stage(i, postures):
     """Posture `i` of s postures, whose arrays have a leading dimension (s,)."""
+
+
+@by_type({
+    PlanarWork: weigh_in_plane, PlanePosture: weigh_in_plane, RneWork: weigh_in_space, SpacePosture: weigh_in_space,
+})  # fmt: skip
+def weigh(q, work, placed):
+    """Write Φᵀ M Φ without rotors to `work.M`; the bodies are `placed` at the same angles q (n,)."""
+
+
+@subroutine
+def place_shapes(q, posture):
+    """Set the posture to the angles q (n,), and compute Φᵀ M Φ."""
+    place_bodies(q, posture.hinges)
+    weigh(q, posture, posture.hinges)
 
 
 @by_type({PlanePosture: place_in_plane, SpacePosture: place_in_space, ShapedPosture: place_shapes})
@@ -110,6 +133,12 @@ def solve(factors, r, x, posture):
         solve_cells(factors, r, x, posture)
     else:
         solve_by_type(factors, r, x, without_cells(posture))
+
+
+@inlined
+def displacement_of_hinges(δ, posture):
+    """`displacement_of_places` of hinges that move by shapes."""
+    return displacement_of_places(δ, posture.hinges)
 
 
 @by_type({

@@ -27,10 +27,8 @@ def rows_beside(first, rare):
     """K_kj and D_kj, (n, w, 2), of every hinge k and every hinge j before it in its cell; None for a plain chain."""
     if rare is None:
         return None
-    couplings = rare.couplings
     rows = np.zeros((len(first), columns(first) - COUPLED.L, 2)) if len(first) > 0 else np.zeros((0, 0, 2))
-    for c in range(len(couplings)):
-        pair = couplings[c]
+    for pair in rare.couplings:
         row = rows[pair.outer, pair.inner - first[pair.outer]]
         row[0], row[1] = row[0] + pair.stiffness, row[1] + pair.damping
     return rows
@@ -47,9 +45,7 @@ def put_couplings(u, v, coupled, factors):
 @subroutine
 def add_products(u, v, rare, x, r):
     """r += (u D + v K) x, for the couplings alone."""
-    couplings = rare.couplings
-    for c in range(len(couplings)):
-        pair = couplings[c]
+    for pair in rare.couplings:
         held = u * pair.damping + v * pair.stiffness
         r[pair.inner] += held * x[pair.outer]
         r[pair.outer] += held * x[pair.inner]

@@ -34,8 +34,9 @@ from flexlink.kernels.bodies.plane import LINK, cos_sin_less_turns, planar_works
 from flexlink.kernels.forces.couplings import cells_of
 from flexlink.kernels.forward.mass_plus_cells import COUPLED, rows_beside
 from flexlink.kernels.tools.compiler import allocating, inlined, kernel, recursion
-from flexlink.kernels.tools.lanes import at, put_at
+from flexlink.kernels.tools.lanes import at
 from flexlink.kernels.tools.numbered import numbered
+from flexlink.kernels.tools.records import keep
 from flexlink.kernels.tools.sincos import cos_sin_all
 
 ROW = numbered("A inverse gx gy β γ")  # of an eliminated hinge: A_kk, 1 / S, G, (c_k + A_kk) / S and U / S
@@ -56,11 +57,12 @@ class PlanePosture(NamedTuple):
 
 
 @kernel
-def plane_posture(bodies, hinges, gravity, rare):
+def plane_posture(chain):
     """Allocate the posture of a planar chain."""
-    n, work = len(hinges), planar_workspace(bodies, hinges, gravity, rare)
-    d, h, first = np.zeros((n, 2)), np.zeros((n, 2)), cells_of(n, rare)
-    return PlanePosture(work.links, work.prescribed, work.trig, d, h, first, rows_beside(first, rare), np.zeros(0))
+    n, work = len(chain.hinges), planar_workspace(chain)
+    d, h, first = np.zeros((n, 2)), np.zeros((n, 2)), cells_of(n, chain.rare)
+    coupled = rows_beside(first, chain.rare)
+    return PlanePosture(work.links, work.prescribed, work.trig, d, h, first, coupled, np.zeros(0))
 
 
 @kernel
@@ -114,10 +116,8 @@ def turn_levers(posture):
     for k in range(len(d)):
         c, s = at(trig[1], k), at(trig[2], k)
         rx, ry, sx, sy = at(links, k, LINK.rx), at(links, k, LINK.ry), at(links, k, LINK.sx), at(links, k, LINK.sy)
-        put_at(d, -s * rx - c * ry, k, 0)
-        put_at(d, c * rx - s * ry, k, 1)
-        put_at(h, -s * sx - c * sy, k, 0)
-        put_at(h, c * sx - s * sy, k, 1)
+        keep(d, k, (-s * rx - c * ry, c * rx - s * ry))
+        keep(h, k, (-s * sx - c * sy, c * sx - s * sy))
 
 
 @recursion
@@ -151,8 +151,7 @@ def factor_in_plane(factors, posture):
                 β, γ = (c + A) * inverse, U * inverse
                 j, gx, gy = (D * A - c * c) * inverse, β * Hx - γ * hx, β * Hy - γ * hy
             Mxx, Mxy, Myy = Mxx - Gx * Gx * inverse, Mxy - Gx * Gy * inverse, Myy - Gy * Gy * inverse
-            factors[k, ROW.gx], factors[k, ROW.gy], factors[k, ROW.inverse] = Gx, Gy, inverse
-            factors[k, ROW.β], factors[k, ROW.γ] = β, γ
+            keep(factors, k, (inverse, Gx, Gy, β, γ), ROW.inverse)
             if first is not None:
                 close_hinge(factors, links, k, first[k], U, Gx, Gy)
 
@@ -165,8 +164,7 @@ def open_columns(factors, begin, k, beyond, dx, dy):
         if begin == beyond:
             factors[i, OPEN.c] += dx * factors[i, OPEN.gx] + dy * factors[i, OPEN.gy]
         else:
-            factors[i, OPEN.rotor] = factors[i, ROW.A]
-            factors[i, OPEN.c] = factors[i, OPEN.gx] = factors[i, OPEN.gy] = o
+            keep(factors, i, (factors[i, ROW.A], o, o, o), OPEN.rotor)
 
 
 @inlined

@@ -1,28 +1,16 @@
 """Solve (M + A) x = r for hinges that move by shapes, x = Φ y: Φᵀ (M + A) Φ y = Φᵀ r, real or complex.
 
 A contains rotors, springs and dampers, and is diagonal except for coupled springs. Φᵀ M Φ is computed once per posture.
-Displacements of bodies are those of the chain's own posture in a plane or in space.
+Bodies are placed, and displaced, by the chain's own posture in a plane or in space (`mass_plus`).
 """
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.bodies.shaped_mass import ShapedMass, Shapes, mass_in_plane, mass_in_space, shaped_mass_workspace
+from flexlink.kernels.bodies.shaped_mass import ShapedMass, Shapes, shaped_mass_workspace
 from flexlink.kernels.forward.mass_plus_cells import COUPLED, FACTORS, columns
-from flexlink.kernels.forward.mass_plus_plane import (
-    PlanePosture,
-    displacement_in_plane,
-    place_in_plane,
-    plane_posture_of,
-)
-from flexlink.kernels.forward.mass_plus_space import (
-    SpacePosture,
-    displacement_in_space,
-    place_in_space,
-    space_posture_of,
-)
-from flexlink.kernels.tools.compiler import by_type, inlined, kernel, recursion, subroutine
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
 
 
 class ShapedPosture(NamedTuple):
@@ -57,53 +45,10 @@ def shaped_postures(s, posture, hinges):
     )  # fmt: skip
 
 
-@by_type({PlanePosture: plane_posture_of, SpacePosture: space_posture_of})
-def stage_of_hinges(i, postures):
-    """Posture `i` of the chain's own postures."""
-
-
-@inlined
-def shaped_posture_of(i, postures):
-    """Posture `i` of several postures, whose arrays have a leading dimension."""
-    return ShapedPosture(
-        postures.chain, postures.shapes, postures.mass, postures.M[i], postures.y,
-        stage_of_hinges(i, postures.hinges), postures.first, postures.coupled, postures.radius,
-    )  # fmt: skip
-
-
 @inlined
 def shaped_without_cells(posture):
     """The same posture; `factor_shapes` handles chains with and without cells."""
     return posture
-
-
-@by_type({PlanePosture: place_in_plane, SpacePosture: place_in_space})
-def place_hinges(q, posture):
-    """Set the chain's own posture to the angles q (n,)."""
-
-
-@inlined
-def weigh_in_plane(q, posture, hinges):
-    """`weigh_hinges` in a plane."""
-    mass_in_plane(hinges.links, hinges.trig, posture.shapes, posture.M, posture.mass.loads)
-
-
-@inlined
-def weigh_in_space(q, posture, hinges):
-    """`weigh_hinges` in space."""
-    mass_in_space(posture.chain, q, posture.shapes, posture.M, posture.mass)
-
-
-@by_type({PlanePosture: weigh_in_plane, SpacePosture: weigh_in_space})
-def weigh_hinges(q, posture, hinges):
-    """Write Φᵀ M Φ to `posture.M`, after `place_hinges` at the same angles."""
-
-
-@subroutine
-def place_shapes(q, posture):
-    """Set the posture to the angles q (n,), and compute Φᵀ M Φ."""
-    place_hinges(q, posture.hinges)
-    weigh_hinges(q, posture, posture.hinges)
 
 
 @subroutine
@@ -114,8 +59,7 @@ def closest_sum(x, posture):
     """
     Φ, inverse, first, stop = posture.shapes.matrix, posture.shapes.inverse, posture.shapes.first, posture.shapes.stop
     y = posture.y
-    for j in range(len(y)):
-        y[j] = 0.0
+    y[:] = 0.0
     for k in range(len(x)):
         for j in range(first[k], stop[k]):
             y[j] += inverse[k, j] * x[k]
@@ -128,17 +72,6 @@ def closest_sum(x, posture):
 @inlined
 def as_given(x, posture):
     """Leave x unchanged: hinges that move one by one."""
-
-
-@by_type({PlanePosture: displacement_in_plane, SpacePosture: displacement_in_space})
-def displacement_by_type(δ, posture):
-    """Largest displacement of the chain's own posture [m]."""
-
-
-@inlined
-def displacement_of_hinges(δ, posture):
-    """Largest displacement [m] of the outboard end of any segment for small changes δ (n,) of the angles."""
-    return displacement_by_type(δ, posture.hinges)
 
 
 @kernel
@@ -206,8 +139,7 @@ def solve_shapes(factors, r, x, posture):
     Φ, first, stop, hinges = posture.shapes.matrix, posture.shapes.first, posture.shapes.stop, posture.chain.hinges
     m, last = len(posture.M), factors.shape[1] - 1
     begin = last - m
-    for j in range(m):
-        factors[j, last] = factors.dtype.type(0)
+    factors[:m, last] = 0.0
     for k in range(len(factors)):
         if not hinges[k].prescribed:
             for j in range(first[k], stop[k]):

@@ -6,6 +6,7 @@ from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import subroutine
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
 from flexlink.kernels.tools.numbered import numbered
+from flexlink.kernels.tools.records import keep
 from flexlink.kernels.tools.sym3 import sym_add_dyad, sym_apply
 from flexlink.kernels.tools.vec3 import add_scaled, dot, pick, scale
 
@@ -32,9 +33,7 @@ def factor_slides(factors, posture, i, J, H, M):
             U, G = (dot(H[0], e), dot(H[1], e), dot(H[2], e)), sym_apply(M, e)
             inertia = dot(e, G)
             inverse = 1.0 / (inertia + factors[k, FACTORS.A])
-            put_vec_of(factors, U, k, FACTORS.He)
-            put_vec_of(factors, G, k, FACTORS.Me)
-            factors[k, FACTORS.inverse] = inverse
+            keep(factors, k, (inverse, U, G), FACTORS.inverse)
             if factors.shape[1] > COUPLED.inertia:
                 factors[k, COUPLED.inertia] = inertia
             u = scale(inverse, U)

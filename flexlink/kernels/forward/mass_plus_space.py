@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.kernels.forces.couplings import cells_of
-from flexlink.kernels.forward.articulated_branches import DEMAND, add_inertia_of_branch, add_load_of_branch, clear
+from flexlink.kernels.forward.articulated_branches import DEMAND, add_inertia_of_branch, add_load_of_branch
 from flexlink.kernels.forward.articulated_layout import GROUP, LAYOUT
 from flexlink.kernels.forward.articulated_rows import BODY_ROW, articulated_workspace, axes_of
 from flexlink.kernels.forward.mass_plus_cells import COUPLED, rows_beside
@@ -73,23 +73,21 @@ class SpacePosture(NamedTuple):
 
 
 @kernel
-def space_posture(bodies, hinges, gravity, rare):
+def space_posture(chain):
     """Allocate the posture of a chain in space."""
-    n, m, work = len(hinges), len(bodies), articulated_workspace(bodies, hinges, gravity, rare)
-    first = cells_of(n, rare)
+    n, m, work = len(chain.hinges), len(chain.bodies), articulated_workspace(chain)
+    first = cells_of(n, chain.rare)
     return SpacePosture(
         work.layout, work.axes, work.bodies, work.prescribed, work.trig,
         np.zeros((n, 3)), np.zeros((m + 1, 3)), np.zeros((m, 3)), np.zeros((m, 6)),
-        first, rows_beside(first, rare), rows_of_tree(work.forks, work.axes), np.zeros(0),
+        first, rows_beside(first, chain.rare), rows_of_tree(work.forks, work.axes), np.zeros(0),
     )  # fmt: skip
 
 
 @allocating
 def rows_of_tree(forks, axes):
     """Rows for forks; at least one if there are prismatic joints."""
-    if forks is None:
-        return None
-    return np.zeros((max(len(forks), int(axes.max() >= SLIDES)), forks.shape[1]))
+    return None if forks is None else np.zeros((max(len(forks), int(axes.max() >= SLIDES)), forks.shape[1]))
 
 
 @kernel
@@ -147,9 +145,7 @@ def place_in_space(q, posture):
                 put_vec_of(es, pick(axes[k], x, y, z), k, 0)
                 x, y, z = turn_axes(axes[k], trig[1, k], trig[2, k], x, y, z)
         put_vec_of(moments, rotate(vec_of(rows, i, BODY_ROW.moment), x, y, z), i, 0)
-        I = sym_from_axes(x, y, z, sym_of(rows, i, BODY_ROW.own_inertia))
-        put_vec_of(inertias, (I[0], I[1], I[2]), i, 0)
-        put_vec_of(inertias, (I[3], I[4], I[5]), i, 3)
+        keep(inertias, i, sym_from_axes(x, y, z, sym_of(rows, i, BODY_ROW.own_inertia)))
         if posture.forks is not None and rarely(layout[i, LAYOUT.fork] > 0):
             keep(posture.forks, layout[i, LAYOUT.fork], (x, y, z))
 
@@ -163,21 +159,24 @@ def factor_in_space(factors, posture):
     forks = posture.forks
     if posture.forks is not None:
         forks = posture.forks.view(factors.dtype)
-        clear(forks)
+        forks[1:] = 0.0
     begin = len(factors)  # hinges from `begin` are not yet eliminated and have columns c, g
     for i in range(len(layout) - 1, -1, -1):
         J, H, M = add_body(posture, i, J, H, M)
         if posture.forks is not None and rarely(layout[i, LAYOUT.fork] > 0):
             J, H, M = added(forks, layout[i, LAYOUT.fork], (J, H, M))
         if first is not None:
-            move_columns(factors, begin, layout[i, LAYOUT.stop], vec_of(rs, i + 1, 0))
+            for j in range(begin, layout[i, LAYOUT.stop]):
+                moved = cross(vec_of(rs, i + 1, 0), vec_of(factors, j, OPEN.g))
+                put_vec_of(factors, add(vec_of(factors, j, OPEN.c), moved), j, OPEN.c)
         if posture.forks is not None and rarely(layout[i, LAYOUT.group] == GROUP.slides):
             J, H, M = factor_slides(factors, posture, i, J, H, M)
         else:
             for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
                 if first is not None and first[k] != begin:
                     begin = first[k]
-                    open_columns(factors, begin, k + 1)
+                    for j in range(begin, k + 1):
+                        keep(factors, j, (factors[j, ROW.A], (o, o, o), (o, o, o)), OPEN.rotor)
                 if not prescribed[k]:
                     e = vec_of(es, k, 0)
                     U, G = sym_apply(J, e), rotate(e, H[0], H[1], H[2])
@@ -187,9 +186,7 @@ def factor_in_space(factors, posture):
                         c, factors[k, COUPLED.inertia] = vec_of(factors, k, OPEN.c), dot(e, U)
                         inverse = 1.0 / (dot(e, U) + 2.0 * dot(e, c) + factors[k, OPEN.rotor])
                         U, G = add(U, c), add(G, vec_of(factors, k, OPEN.g))
-                    put_vec_of(factors, U, k, ROW.U)
-                    put_vec_of(factors, G, k, ROW.G)
-                    factors[k, ROW.inverse] = inverse
+                    keep(factors, k, (inverse, U, G), ROW.inverse)
                     if first is not None:
                         close_hinge(factors, k, begin, e, U, G)
                     u = scale(inverse, U)
@@ -202,24 +199,6 @@ def factor_in_space(factors, posture):
 
 
 @inlined
-def move_columns(factors, begin, stop, r):
-    """Transfer the columns of hinges begin … stop − 1 to a point displaced by −r."""
-    for j in range(begin, stop):
-        c, g = vec_of(factors, j, OPEN.c), vec_of(factors, j, OPEN.g)
-        put_vec_of(factors, add(c, cross(r, g)), j, OPEN.c)
-
-
-@inlined
-def open_columns(factors, begin, stop):
-    """Initialize the columns of a cell of hinges begin … stop − 1."""
-    o = factors.dtype.type(0)
-    for j in range(begin, stop):
-        factors[j, OPEN.rotor] = factors[j, ROW.A]
-        put_vec_of(factors, (o, o, o), j, OPEN.c)
-        put_vec_of(factors, (o, o, o), j, OPEN.g)
-
-
-@inlined
 def close_hinge(factors, k, begin, e, U, G):
     """Eliminate hinge k from the equations of hinges `begin` … k − 1, before it in its cell."""
     inverse = factors[k, ROW.inverse]
@@ -228,9 +207,8 @@ def close_hinge(factors, k, begin, e, U, G):
         L = factors[k, COUPLED.L + j - begin] + dot(e, c)
         part = L * inverse
         factors[k, COUPLED.L + j - begin] = L
-        put_vec_of(factors, add_scaled(c, -part, U), j, OPEN.c)
-        put_vec_of(factors, add_scaled(vec_of(factors, j, OPEN.g), -part, G), j, OPEN.g)
-        factors[j, OPEN.rotor] -= part * L
+        g = add_scaled(vec_of(factors, j, OPEN.g), -part, G)
+        keep(factors, j, (factors[j, OPEN.rotor] - part * L, add_scaled(c, -part, U), g), OPEN.rotor)
         for l in range(begin, j):
             factors[j, COUPLED.L + l - begin] -= part * factors[k, COUPLED.L + l - begin]
 
@@ -264,7 +242,7 @@ def solve_in_space(factors, r, x, posture):
     forks = posture.forks
     if posture.forks is not None:
         forks = posture.forks.view(factors.dtype)
-        clear(forks)
+        forks[1:] = 0.0
     for i in range(len(layout) - 1, -1, -1):
         n = add(n, cross(vec_of(rs, i + 1, 0), f))
         if posture.forks is not None and rarely(layout[i, LAYOUT.fork] > 0):

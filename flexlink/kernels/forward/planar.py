@@ -21,6 +21,7 @@ from flexlink.kernels.forces.joint_torques import smooth_torques, subtract_dry_f
 from flexlink.kernels.tools.compiler import inlined, recursion
 from flexlink.kernels.tools.lanes import at, put_at, vec, zero_of
 from flexlink.kernels.tools.rare import rarely
+from flexlink.kernels.tools.records import keep
 from flexlink.kernels.tools.sincos import cos_sin_all
 from flexlink.kernels.tools.vec3 import dot, scale
 
@@ -46,12 +47,10 @@ def outward(q, qd, tau, links, angles):
     φ = ω = power = zero_of(q)
     for k in range(len(q)):
         σ = at(links, k, LINK.sign)
-        φ += σ * at(q, k)
-        ω += σ * at(qd, k)
+        φ, ω = φ + σ * at(q, k), ω + σ * at(qd, k)
         put_at(angles, φ, k)
-        put_at(links, ω * ω, k, LINK.rate2)
         working, torque = smooth_torques(links, k, at(q, k), at(qd, k), at(tau, k))
-        put_at(links, torque, k, LINK.torque)
+        keep(links, k, (ω * ω, torque), LINK.rate2)
         power += working * at(qd, k)
     return ω, power
 
@@ -89,13 +88,7 @@ def inward(base, wrench, prescribed, qdd, links, cosines, sines):
             Mxx, Mxy, Myy = Mxx - Hx * Hx * inverse, Mxy - Hx * Hy * inverse, Myy - Hy * Hy * inverse
             j, gx, gy, n = β * D, β * Hx, β * Hy, γ * τ + β * n
             fx, fy = fx + Hx * α, fy + Hy * α
-        put_at(links, dx, k, LINK.dx)
-        put_at(links, dy, k, LINK.dy)
-        put_at(links, ux, k, LINK.ux)
-        put_at(links, uy, k, LINK.uy)
-        put_at(links, α, k, LINK.α)
-        put_at(links, β, k, LINK.β)
-        put_at(links, γ, k, LINK.γ)
+        keep(links, k, (dx, dy, ux, uy, α, β, γ), LINK.dx)
 
 
 @inlined

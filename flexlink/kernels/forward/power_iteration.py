@@ -17,6 +17,7 @@ from flexlink.kernels.forces.couplings import factor_springs, solve_springs
 from flexlink.kernels.forward.mass_plus import factor, factor_columns, place_bodies, solve
 from flexlink.kernels.forward.mass_plus_cells import FACTORS
 from flexlink.kernels.tools.compiler import kernel, recursion
+from flexlink.kernels.tools.finite import largest
 from flexlink.kernels.tools.vec3 import ZERO
 
 EPS = 2.0**-52
@@ -53,15 +54,6 @@ def largest_eigenvalue(chain, q, weights, coupled, passes, close, posture):
     return last
 
 
-@recursion
-def largest(φ):
-    """The largest |φ_k|; nan if some φ_k is not finite."""
-    size = 0.0
-    for k in range(len(φ)):
-        size = max(size, abs(φ[k])) + (φ[k] - φ[k])
-    return size
-
-
 @kernel
 def smallest_square(chain, q, passes, close):
     """Estimate the smallest ω² of K φ = ω² S φ from above, as in `largest_eigenvalue`; inf without springs."""
@@ -96,7 +88,10 @@ def smallest_square(chain, q, passes, close):
             inertial += φ[k] * torque[k]
             bends[i] = torque[k]
         if chain.rare is not None:
-            elastic += coupled_energy(chain.rare.couplings, φ)
+            coupled = 0.0  # Σ 2 K_ij φ_i φ_j: prescribed joints are at rest
+            for pair in chain.rare.couplings:
+                coupled += 2.0 * pair.stiffness * φ[pair.inner] * φ[pair.outer]
+            elastic += coupled
         solve_springs(springs, bends)
         for i in range(p):
             size = max(size, abs(bends[i]))
@@ -109,25 +104,11 @@ def smallest_square(chain, q, passes, close):
     return last
 
 
-@recursion
-def coupled_energy(couplings, φ):
-    """Σ 2 K_ij φ_i φ_j over all couplings; prescribed joints are at rest."""
-    energy = 0.0
-    for c in range(len(couplings)):
-        pair = couplings[c]
-        energy += 2.0 * pair.stiffness * φ[pair.inner] * φ[pair.outer]
-    return energy
-
-
 @kernel
 def joints_of(chain, springs):
     """Indices of the joints with springs or, if `springs` is False, without springs; prescribed joints are excluded."""
-    found, count = np.zeros(len(chain.hinges), np.int64), 0
-    for k in range(len(chain.hinges)):
-        if (chain.hinges[k].stiffness > 0.0) == springs and not chain.hinges[k].prescribed:
-            found[count] = k
-            count += 1
-    return found[:count]
+    hinges = chain.hinges
+    return np.flatnonzero(((hinges["stiffness"] > 0.0) == springs) & (hinges["prescribed"] == 0))
 
 
 @recursion

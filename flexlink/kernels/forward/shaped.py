@@ -11,20 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.kernels.bodies.inverse import inverse_dynamics_into
-from flexlink.kernels.bodies.plane import PlanarWork
-from flexlink.kernels.bodies.rne import RneWork
-from flexlink.kernels.bodies.shaped_mass import (
-    ShapedMass,
-    Shapes,
-    add_rotors,
-    mass_in_plane,
-    mass_in_space,
-    shaped_mass_workspace,
-)
+from flexlink.kernels.bodies.shaped_mass import ShapedMass, Shapes, add_rotors, shaped_mass_workspace
 from flexlink.kernels.forces.elements import add_torques, forces_of
 from flexlink.kernels.forces.joint_torques import elastic, friction
 from flexlink.kernels.forward.known_motion import take_torques
-from flexlink.kernels.tools.compiler import by_type, inlined, kernel, subroutine
+from flexlink.kernels.forward.mass_plus import weigh
+from flexlink.kernels.tools.compiler import kernel, subroutine
 from flexlink.kernels.tools.solve import solve_cholesky
 
 
@@ -53,23 +45,6 @@ def shaped_workspace(chain, shapes, inverse):
     )  # fmt: skip
 
 
-@inlined
-def weigh_in_plane(q, work, inverse):
-    """`weigh` with the angles of inverse dynamics in a plane."""
-    mass_in_plane(inverse.links, inverse.trig, work.shapes, work.M, work.mass.loads)
-
-
-@inlined
-def weigh_in_space(q, work, inverse):
-    """`weigh` in space."""
-    mass_in_space(work.chain, q, work.shapes, work.M, work.mass)
-
-
-@by_type({PlanarWork: weigh_in_plane, RneWork: weigh_in_space})
-def weigh(q, work, inverse):
-    """Write Φᵀ M Φ without rotors to `work.M`, after inverse dynamics at the same angles."""
-
-
 @subroutine
 def shaped(wrench, q, qd, tau, qdd, work):
     """Write q̈ for drive torques `tau`, all (n,), and the tip wrench (6,); see `forward_dynamics`."""
@@ -82,15 +57,18 @@ def shaped(wrench, q, qd, tau, qdd, work):
         power -= add_torques(work.forces.elements, q, qd, bias)
     weigh(q, work, work.inverse)
     add_rotors(chain, work.shapes, M)
-    for j in range(len(z)):
-        z[j] = 0.0
+    z[:] = 0.0
     for k in range(len(q)):
         torque = tau[k] - bias[k] - elastic(chain.hinges[k], q[k]) - friction(chain.hinges[k], qd[k])
         for j in range(first[k], stop[k]):
             z[j] += Φ[k, j] * torque
     for k in range(len(q)):
         if chain.hinges[k].prescribed:
-            set_known(M, z, first[k])
+            j = first[k]  # z̈_j = 0 for the shape that moves one prescribed joint: the torques contain its motion
+            z[j] = 0.0
+            M[j, :] = 0.0
+            M[:, j] = 0.0
+            M[j, j] = 1.0
     solve_cholesky(M, z, work.probe)
     for k in range(len(q)):
         if not chain.hinges[k].prescribed:
@@ -101,12 +79,3 @@ def shaped(wrench, q, qd, tau, qdd, work):
     for k in range(len(q)):
         power += qd[k] * (tau[k] - friction(chain.hinges[k], qd[k]))
     return power
-
-
-@subroutine
-def set_known(M, z, j):
-    """Replace the equation of shape j, which moves one prescribed joint, by z̈_j = 0: the torques contain its motion."""
-    z[j] = 0.0
-    for l in range(len(z)):
-        M[j, l] = M[l, j] = 0.0
-    M[j, j] = 1.0

@@ -14,6 +14,7 @@ from flexlink.kernels.forward.articulated_rows import BODY_ROW, HINGE_ROW
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import inlined, subroutine
 from flexlink.kernels.tools.lanes import at, put_at, put_vec_of, vec_of, zero_of
+from flexlink.kernels.tools.records import keep
 from flexlink.kernels.tools.vec3 import add, add_scaled, cross, dot, pick, scale
 
 
@@ -26,8 +27,7 @@ def put_slides(layout, i, axes, bodies, hinges, x, y, z, ω, places, qd):
         put_vec_of(hinges, e, k, HINGE_ROW.axis)
         r = add_scaled(r, at(places, k), e)
         b = add_scaled(add(b, swung(ω, scale(at(places, k), e))), 2.0 * at(qd, k), cross(ω, e))
-    put_vec_of(bodies, r, i, BODY_ROW.r)
-    put_vec_of(bodies, b, i, BODY_ROW.b)
+    keep(bodies, i, (r, b), BODY_ROW.r)
 
 
 @subroutine
@@ -42,8 +42,7 @@ def eliminate_slides(layout, i, axes, prescribed, hinges, qdd, J, H, M, n, f):
             M, H, J, f, n = eliminate_joint(hinges, k, again, M, H, J, f, n)
     for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
         G, U = vec_of(hinges, k, HINGE_ROW.Je), vec_of(hinges, k, HINGE_ROW.He)
-        put_vec_of(hinges, U, k, HINGE_ROW.Je)
-        put_vec_of(hinges, G, k, HINGE_ROW.He)
+        keep(hinges, k, (U, G), HINGE_ROW.Je)
     return J, transposed(H), M, n, f
 
 

@@ -124,7 +124,7 @@ class Solver(NamedTuple):
     """An algorithm in the form that the argument-checking functions call."""
 
     workspace: Callable[..., Any]  # (chain) -> scratch
-    lanes_workspace: Callable[..., Any] | None = None  # (bodies, hinges, gravity, rare) of eight chains -> scratch
+    lanes_workspace: Callable[..., Any] | None = None  # (eight chains, arrays (8, …)) -> scratch
 
     def bound(self, chain: Any) -> Callable[..., bool]:
         """`accelerations` for this chain, a function of (wrench, q, qd, tau, qdd)."""
@@ -136,16 +136,6 @@ class Solver(NamedTuple):
         qdd = np.full(len(q), np.nan)
         self.bound(chain)(*map(np.ascontiguousarray, (wrench, q, qd, tau)), qdd)
         return qdd
-
-
-@kernel
-def _planar_work(chain):
-    return planar_workspace(chain.bodies, chain.hinges, chain.gravity, chain.rare)
-
-
-@kernel
-def _articulated_work(chain):
-    return articulated_workspace(chain.bodies, chain.hinges, chain.gravity, chain.rare)
 
 
 @kernel
@@ -176,5 +166,5 @@ def accelerations_of_many(work, wrench, q, qd, tau):
 
 
 LU, CHOLESKY = Solver(_lu_work), Solver(_cholesky_work)
-ARTICULATED = Solver(_articulated_work, articulated_lanes_workspace)
-PLANAR = Solver(_planar_work, planar_lanes_workspace)
+ARTICULATED = Solver(articulated_workspace, articulated_lanes_workspace)
+PLANAR = Solver(planar_workspace, planar_lanes_workspace)

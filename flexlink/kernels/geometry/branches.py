@@ -21,19 +21,15 @@ def rows_of_forks(bodies):
 
 
 @allocating
-def fork_rows(chain, size):
-    """Return an array with a row of `size` numbers per fork; None for a plain chain."""
-    if chain.rare is None:
-        return None
-    return np.zeros((rows_of_forks(chain.bodies), size))
+def fork_rows(chain, *shape):
+    """Return an array of zeros with a row of this shape per fork; None for a plain chain."""
+    return None if chain.rare is None else np.zeros((rows_of_forks(chain.bodies), *shape))
 
 
 @allocating
 def fork_lanes(chain, size):
     """`fork_rows` for eight states side by side."""
-    if chain.rare is None:
-        return None
-    return empty_lanes((rows_of_forks(chain.bodies), size))
+    return None if chain.rare is None else empty_lanes((rows_of_forks(chain.bodies), size))
 
 
 @kernel

@@ -15,6 +15,7 @@ from flexlink.kernels.tools.compiler import inlined, kernel, recursion, unfused
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import at, cos_sin_of, position_of, put_vec_of, vec_of, zero_of
 from flexlink.kernels.tools.rare import rarely
+from flexlink.kernels.tools.records import added, keep, kept
 from flexlink.kernels.tools.vec3 import (
     ZERO,
     add,
@@ -142,14 +143,12 @@ def add_slope(chain, placed, body, point, u, J):
 def spread(chain, placed, loads, τ):
     """τ (n,) += Jᵀ of loads (bodies, 6), forces and moments about the origin; loads add up toward the base."""
     for i in range(len(chain.bodies) - 1, -1, -1):
-        b, f = chain.bodies[i], vector(loads[i])
-        moment = vector(loads[i, 3:])
+        b, (f, moment) = chain.bodies[i], kept(loads, i, (ZERO, ZERO))
         about = sub(moment, cross(vector(placed.points[i]), f))
         for k in range(b.first, b.stop):
             τ[k] += dot(vector(placed.axes[k]), f if chain.hinges[k].axis >= SLIDES else about)
         if b.parent > 0:
-            put(loads[b.parent - 1], add(vector(loads[b.parent - 1]), f))
-            put(loads[b.parent - 1, 3:], add(vector(loads[b.parent - 1, 3:]), moment))
+            keep(loads, b.parent - 1, added(loads, b.parent - 1, (f, moment)))
 
 
 def body_point(address, body, q, point):

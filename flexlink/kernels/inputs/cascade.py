@@ -31,14 +31,8 @@ def cascades(drive, t, middle, q, qd, first, before, after):
         cascade(drive, drive.model, t, middle, q, qd, first, before, after)
     else:
         for lane in range(LANES):
-            model = model_of(drive.model, lane)
+            model = None if drive.model is None else drive.model[lane]
             cascade(drive, model, t, middle, q[:, lane], qd[:, lane], first, before[:, lane], after[:, lane])
-
-
-@inlined
-def model_of(models, lane):
-    """The model of one of eight arms; None if they have none."""
-    return None if models is None else models[lane]
 
 
 @shared

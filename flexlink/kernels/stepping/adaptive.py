@@ -28,6 +28,7 @@ from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, SO_FAR, STEPPER
 from flexlink.kernels.stepping.ties import accelerate, choose_laws
 from flexlink.kernels.tools.compiler import by_type, entry, inlined, recursion, shared
 from flexlink.kernels.tools.numbered import numbered
+from flexlink.kernels.tools.records import keep
 
 OUTCOME = numbered("goes_on ended stuck turned")  # results of `advance`; turned: a free base has turned far
 SAFETY, SHRINK = 0.9, 1 / 8  # safety factor of the step length; smallest factor by which h changes
@@ -176,8 +177,7 @@ def spring_displacement(q, bent, posture, chain):
 def begin(t, inputs, state, tau, forward):
     """Write q̈ and the power of a state at time t, where the run starts or an input has a knot."""
     q, qd, qdd, done = state
-    for k in range(len(tau)):
-        tau[k] = 0.0
+    tau[:] = 0.0
     follow(inputs.motion, t, q, qd, qdd)
     sample_at_step(inputs.drive, t, t, q, qd, tau)
     stage_torque(inputs.drive, t, t, q, qd, tau)
@@ -249,8 +249,9 @@ def off_inside(t, h, long_error, inputs, state, knots, count, samples, work):
 
     Their tolerance is twenty times the tolerance of a long step, because this error does not propagate.
     """
-    off, times = 0.0, 20.0
-    if passes(t + (1.0 - AT_THE_END) * h, knots[0], count[COUNT.knot], samples[0], count[COUNT.row]):
+    off, times, row, near = 0.0, 20.0, count[COUNT.row], t + (1.0 - AT_THE_END) * h
+    # a knot counts as a sample even if none is requested
+    if knots[0][count[COUNT.knot]] < near or (row < len(samples[0]) and samples[0][row] < near):
         off, evaluations = prepare_inside(t, h, inputs, state, work)
         count[COUNT.besides] += evaluations
     return off / (times * long_error)
@@ -265,12 +266,6 @@ def begin_anew(t, inputs, state, tau, forward, work):
     work.stepper[STEPPER.begun] += 1.0
 
 
-@inlined
-def passes(t, knots, knot, times, row):
-    """Whether a requested sample or a knot is before time t; a knot counts as a sample even if none is requested."""
-    return knots[knot] < t or (row < len(times) and times[row] < t)
-
-
 @recursion
 def sample(t, h, inputs, state, work, count, samples, spare):
     """Fill in the samples up to the end of the step, t + h."""
@@ -279,17 +274,11 @@ def sample(t, h, inputs, state, work, count, samples, spare):
         row = count[COUNT.row]
         works[row] = write_state(min(1.0, (times[row] - t) / h), h, state, work, qs[row], qds[row])
         follow(inputs.motion, times[row], qs[row], qds[row], spare)
-        note(work.stepper, count, so_far[row])
+        so_far[row, SO_FAR.deflection] = work.stepper[STEPPER.deflection]  # for the check of the sample, as all below
+        keep(so_far, row, (work.stepper[STEPPER.drifted], work.stepper[STEPPER.kicked]), SO_FAR.drifted)
+        for k in range(COUNT.knot):
+            so_far[row, SO_FAR.steps + k] = count[k]
         count[COUNT.row] += 1
-
-
-@inlined
-def note(stepper, count, so_far):
-    """Record the numbers that the check of a sample needs later: the deflection, and the counts so far."""
-    so_far[SO_FAR.deflection] = stepper[STEPPER.deflection]
-    so_far[SO_FAR.drifted], so_far[SO_FAR.kicked] = stepper[STEPPER.drifted], stepper[STEPPER.kicked]
-    for k in range(COUNT.knot):
-        so_far[SO_FAR.steps + k] = count[k]
 
 
 @recursion

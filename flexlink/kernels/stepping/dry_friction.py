@@ -21,7 +21,7 @@ import math
 
 from flexlink.kernels.forward.mass_plus import solve
 from flexlink.kernels.stepping.implicit_layout import BUTCHER, STAGE, VECTOR
-from flexlink.kernels.stepping.newton import add_change, changes, inertia_beyond
+from flexlink.kernels.stepping.newton import add_changes, inertia_beyond
 from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 from flexlink.kernels.tools.numbered import numbered
@@ -65,9 +65,7 @@ def factor_turning(h, work):
     """Write Y, the columns of (M + A_λ)⁻¹ at the joints `turning.joints`, and G; call `factor_all` first."""
     method, turning, s = work.method, work.turning, work.stages.shape[1]
     r, z, d = work.vectors[VECTOR.rhs], work.pairs[0], turning.count[0]
-    for m in range(s * d):
-        for j in range(s * d):
-            turning.G[m, j] = 0.0
+    turning.G[: s * d, : s * d] = 0.0
     work.stepper[STEPPER.answers] += d
     for b in range(d):
         for k in range(len(r)):
@@ -126,32 +124,26 @@ def put_in_friction(h, qd, work):
 @recursion
 def subtract_answers(h, work):
     """K −= L⁻¹ f with L⁻¹ = T Y T⁻¹, and f of the last iteration for V."""
-    method, turning, qdd = work.method, work.turning, work.stages[STAGE.qdd]
-    s, d = len(qdd), turning.count[0]
-    δq, δv = changes(work)
-    x, z = work.vectors[VECTOR.solution], work.pairs[1]
+    method, turning, x, z = work.method, work.turning, work.vectors[VECTOR.solution], work.pairs[1]
     for m in range(len(method.real)):
-        for k in range(len(x)):
-            x[k] = 0.0
-        for b in range(d):
-            f = 0.0
-            for j in range(s):
-                f += method.Tinv_real[m, j] * turning.rows[ROW.f, j * d + b]
-            for k in range(len(x)):
-                x[k] -= f * turning.real[m, b, k]
-        for i in range(s):
-            add_change(h, method, i, method.T_real[i, m], x, qdd[i], δq, δv)
+        subtract_answer(method.Tinv_real[m], turning.real[m], x, turning)
+        add_changes(h, 1.0, method.T_real[:, m], x, work)
     for m in range(len(method.pairs)):
-        for k in range(len(z)):
-            z[k] = 0.0
-        for b in range(d):
-            ζ = 0.0j
-            for j in range(s):
-                ζ += method.Tinv_pairs[m, j] * turning.rows[ROW.f, j * d + b]
-            for k in range(len(z)):
-                z[k] -= ζ * turning.pairs[m, b, k]
-        for i in range(s):
-            add_change(h, method, i, 2.0 * method.T_pairs[i, m], z, qdd[i], δq, δv)
+        subtract_answer(method.Tinv_pairs[m], turning.pairs[m], z, turning)
+        add_changes(h, 2.0, method.T_pairs[:, m], z, work)
+
+
+@inlined
+def subtract_answer(Tinv, Y, x, turning):
+    """x = −Y T⁻¹ f for one eigenvalue."""
+    d = turning.count[0]
+    x[:] = 0.0
+    for b in range(d):
+        f = x.dtype.type(0)
+        for j in range(len(Tinv)):
+            f += Tinv[j] * turning.rows[ROW.f, j * d + b]
+        for k in range(len(x)):
+            x[k] -= f * Y[b, k]
 
 
 @recursion

@@ -73,7 +73,9 @@ def step_error_norm(h, e_q, e_v, springs, posture, chain, stepper, ties):
     for k in range(len(e_v)):
         if springs.impulse[k] != 0.0:
             stepper[STEPPER.weighed] += 1.0
-            stepper[STEPPER.kick] = impulse_norm(longest, e_v, springs, posture, chain)
+            for j in range(len(e_v)):
+                springs.r[j] = longest * springs.impulse[j] * e_v[j]
+            stepper[STEPPER.kick] = thrown(longest, springs, posture, chain)
             return max(largest, stepper[STEPPER.read] * stepper[STEPPER.kick])
     return largest
 
@@ -111,14 +113,6 @@ def displace(τ, e_v, springs, posture, chain):
     solve(factors, r, δ, posture)
     for k in range(len(e_v)):
         δ[k] += τ * e_v[k]
-
-
-@recursion
-def impulse_norm(τ, e_v, springs, posture, chain):
-    """Largest displacement [m] of a body in a time τ due to a sampled law's impulses from errors of the rates."""
-    for k in range(len(e_v)):
-        springs.r[k] = τ * springs.impulse[k] * e_v[k]
-    return thrown(τ, springs, posture, chain)
 
 
 @subroutine

@@ -38,7 +38,7 @@ from flexlink.kernels.stepping.dry_friction import (
 from flexlink.kernels.stepping.error_norm import held, step_error_norm
 from flexlink.kernels.stepping.implicit_layout import BUTCHER, STAGE, VECTOR, WEIGHT
 from flexlink.kernels.stepping.newton import (
-    begin_changes,
+    changes,
     divide_stages,
     factor_all,
     factor_stages,
@@ -141,7 +141,9 @@ def prepare_systems(h, rates, by_stage, work):
 @inlined
 def improve_stages(h, qd, by_stage, work):
     """Take one Newton step for K; returns how far it moves a body at the step's end [m], or nan if it fails."""
-    begin_changes(work)
+    δq, δv = changes(work)
+    δq[:] = 0.0
+    δv[:] = 0.0
     if work.turning.count[0] > 0:
         leave_out_friction(work)
     if by_stage:
@@ -224,8 +226,7 @@ def residuals(t, h, inputs, q, qd, work):
 def residual(t, middle, inputs, q, qd, qdd, R, work):
     """Write f(t, q, q̇) − M q̈, 0 at prescribed joints; returns the power of non-conservative forces."""
     chain, tau = work.chain, work.vectors[VECTOR.tau]
-    for k in range(len(q)):
-        tau[k] = 0.0
+    tau[:] = 0.0
     stage_torque(inputs.drive, t, middle, q, qd, tau)
     power = put_wrench(inputs.loads, t, middle, q, qd, inputs.wrench)
     power += inverse_dynamics_into(chain, inputs.wrench, q, qd, qdd, R, work.inverse)

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.kernels.tools.compiler import entry, recursion
+from flexlink.kernels.tools.finite import is_finite, largest
 from flexlink.kernels.tools.numbered import numbered
 
 EPS = 2.0**-52
@@ -69,23 +70,24 @@ def look_at(first, stop, samples, hinges, bounds, allowance, seen):
     """
     t, q, qd, tau, tip, energy, works, so_far = samples
     for row in range(first, stop):
-        W = works[row]
+        W, square = works[row], 0.0
         for i in range(3):
             W += (tip[row, i] - tip[0, i]) * bounds.force[i]
             seen[SEEN.low + i] = min(seen[SEEN.low + i], tip[row, i])
             seen[SEEN.high + i] = max(seen[SEEN.high + i], tip[row, i])
+            square += (seen[SEEN.high + i] - seen[SEEN.low + i]) ** 2  # diagonal of the box around the path of the tip
         T, V_g, V_e = energy[0, row], energy[1, row], energy[2, row]
         ΔV_g, ΔV_e = V_g - seen[SEEN.start + 1], V_e - seen[SEEN.start + 2]
         r = T - seen[SEEN.start] + ΔV_g + ΔV_e - W
         X = max(seen[SEEN.exchanged], T + abs(ΔV_g) + abs(ΔV_e) + abs(W))
         seen[SEEN.last] = r
-        if not (math.isfinite(r) and math.isfinite(X) and finite(tau[row])):
+        if not (math.isfinite(r) and math.isfinite(X) and is_finite(tau[row])):
             return row, WRONG.finite
         size = abs(T) + abs(V_g) + abs(V_e) + abs(W) + bounds.weight * max(1.0, largest(q[row]))
         seen[SEEN.exchanged], seen[SEEN.rounded] = X, max(seen[SEEN.rounded], 4.0 * EPS * size)
         ε = seen[SEEN.rounded] * (1.0 + so_far[row, SO_FAR.steps])
         δ = max(allowance.least, allowance.part * so_far[row, SO_FAR.deflection])
-        explained = ε + explained_by(allowance, δ, extent(seen), r, X, T)
+        explained = ε + explained_by(allowance, δ, math.sqrt(square), r, X, T)
         garbage = abs(r) > bounds.share * X + explained and not allowance.compared
         if garbage and seen[SEEN.garbage] < 0.0:
             seen[SEEN.garbage], seen[SEEN.imbalance], seen[SEEN.available] = row, r, X
@@ -114,15 +116,6 @@ def look_at_joints(row, t, q, qd, hinges, bounds, seen):
             seen[SEEN.travelled] += (abs(qd[row, k]) + abs(qd[row - 1, k])) / 2.0 * (t[row] - t[row - 1])
 
 
-@recursion
-def extent(seen):
-    """Diagonal of the box around the path of the tip so far [m]."""
-    square = 0.0
-    for i in range(3):
-        square += (seen[SEEN.high + i] - seen[SEEN.low + i]) ** 2
-    return math.sqrt(square)
-
-
 @entry
 def explained_by(allowance, δ, moved, r, X, T):
     """Imbalance [J] that a tolerance δ [m] explains; inf for a loss, r < 0, by a method that damps.
@@ -135,21 +128,3 @@ def explained_by(allowance, δ, moved, r, X, T):
     if allowance.share < math.inf and moved > 0.0:
         return min(energy, allowance.share * δ / moved * X)
     return energy
-
-
-@recursion
-def largest(a):
-    """The largest |a_k|; 0 for an empty array."""
-    size = 0.0
-    for k in range(len(a)):
-        size = max(size, abs(a[k]))
-    return size
-
-
-@recursion
-def finite(a):
-    """Whether all a_k are finite."""
-    rest = 0.0
-    for k in range(len(a)):
-        rest += a[k] - a[k]
-    return rest == 0.0

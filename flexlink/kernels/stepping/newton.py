@@ -116,38 +116,27 @@ def divide_stages(work):
 @inlined
 def improve(h, by_stage, work):
     """K += T x for all eigenvalues; adds the resulting changes of angles and rates to the vectors of `changes`."""
-    method, qdd = work.method, work.stages[STAGE.qdd]
-    R = work.stages[STAGE.divided if by_stage else STAGE.residual]
-    r, x, z = work.vectors[VECTOR.rhs], work.vectors[VECTOR.solution], work.pairs
-    s, n = qdd.shape
-    δq, δv = changes(work)
+    method, r, x, z = work.method, work.vectors[VECTOR.rhs], work.vectors[VECTOR.solution], work.pairs
     for m in range(len(method.real)):
-        for k in range(n):
-            r[k] = 0.0
-        for j in range(s):
-            for k in range(n):
-                r[k] += method.Tinv_real[m, j] * R[j, k]
-        solve_one(h, method.real[m], work.factors[m], r, x, by_stage, work)
+        solve_one(h, method.real[m], method.Tinv_real[m], work.factors[m], r, x, by_stage, work)
         if work.ties is not None:
             hold(h * method.real[m], m, 1.0, method.T_real, method.Tinv_real, x, work.ties.real, work.ties)
-        for i in range(s):
-            add_change(h, method, i, method.T_real[i, m], x, qdd[i], δq, δv)
+        add_changes(h, 1.0, method.T_real[:, m], x, work)
     for m in range(len(method.pairs)):
-        for k in range(n):
-            z[0, k] = 0.0
-        for j in range(s):
-            for k in range(n):
-                z[0, k] += method.Tinv_pairs[m, j] * R[j, k]
-        solve_one(h, method.pairs[m], work.factors_pairs[m], z[0], z[1], by_stage, work)
+        solve_one(h, method.pairs[m], method.Tinv_pairs[m], work.factors_pairs[m], z[0], z[1], by_stage, work)
         if work.ties is not None:
             hold(h * method.pairs[m], m, 2.0, method.T_pairs, method.Tinv_pairs, z[1], work.ties.pairs, work.ties)
-        for i in range(s):
-            add_change(h, method, i, 2.0 * method.T_pairs[i, m], z[1], qdd[i], δq, δv)
+        add_changes(h, 2.0, method.T_pairs[:, m], z[1], work)
 
 
 @inlined
-def solve_one(h, λ, factors, r, x, by_stage, work):
-    """Solve for x_λ with r = T⁻¹ R, or with r = T⁻¹ w if `by_stage`."""
+def solve_one(h, λ, Tinv, factors, r, x, by_stage, work):
+    """Solve for x_λ with r = T⁻¹ R, or with r = T⁻¹ w if `by_stage`; `Tinv` is a row of T⁻¹."""
+    R = work.stages[STAGE.divided if by_stage else STAGE.residual]
+    r[:] = 0.0
+    for j in range(len(Tinv)):
+        for k in range(len(r)):
+            r[k] += Tinv[j] * R[j, k]
     for k in range(len(r)):
         x[k] = (factors[k, FACTORS.A] - work.factors[0, k, FACTORS.A]) * r[k] if by_stage else r[k]
     if by_stage and work.posture.first is not None and len(work.posture.first) > 0:
@@ -160,27 +149,22 @@ def solve_one(h, λ, factors, r, x, by_stage, work):
 
 
 @inlined
-def add_change(h, method, i, weight, x, qdd, δq, δv):
-    """K_i += Re(weight x); adds the resulting changes of q and q̇ at the end of the step to δq and δv."""
-    for k in range(len(x)):
-        δ = (weight * x[k]).real
-        qdd[k] += δ
-        δq[k] += h * h * method.weights[WEIGHT.bA, i] * δ
-        δv[k] += h * method.weights[WEIGHT.b, i] * δ
+def add_changes(h, twice, T, x, work):
+    """K_i += Re(twice T_i x); adds the resulting changes of q and q̇ at the end of the step to the vectors `changes`."""
+    qdd, weights, (δq, δv) = work.stages[STAGE.qdd], work.method.weights, changes(work)
+    for i in range(len(T)):
+        weight = twice * T[i]
+        for k in range(len(x)):
+            δ = (weight * x[k]).real
+            qdd[i, k] += δ
+            δq[k] += h * h * weights[WEIGHT.bA, i] * δ
+            δv[k] += h * weights[WEIGHT.b, i] * δ
 
 
 @inlined
 def changes(work):
     """The vectors δq and δv (n,): changes of angles and rates at the end of the step due to one Newton pass."""
     return work.vectors[VECTOR.q_middle], work.vectors[VECTOR.tau]
-
-
-@inlined
-def begin_changes(work):
-    """Set δq and δv to 0."""
-    δq, δv = changes(work)
-    for k in range(len(δq)):
-        δq[k] = δv[k] = 0.0
 
 
 @inlined

@@ -60,12 +60,6 @@ def ranges(work):
     return False
 
 
-@inlined
-def looks_at(work):
-    """Number of points that are checked in a step."""
-    return OF_TIES if ranges(work) else LOOKS
-
-
 @shared
 @entry
 def choose_branches(t, drive, q, qd, springs, now):
@@ -123,7 +117,7 @@ def beyond(x, t, h, drive, state, work):
 def first_switch(t, h, drive, state, work):
     """Fraction x of the step just taken at which a torque first leaves its branch; `NEVER` if none does."""
     a, f_a = 0.0, min(0.0, beyond(0.0, t, h, drive, state, work))
-    b, f_b, look, looks = 0.0, f_a, 0, looks_at(work)
+    b, f_b, look, looks = 0.0, f_a, 0, OF_TIES if ranges(work) else LOOKS
     while f_b <= 0.0 and look < looks:
         look += 1
         a, f_a = b, f_b
@@ -147,19 +141,22 @@ def first_switch(t, h, drive, state, work):
 @subroutine
 def thrown_by(x, t, h, longest, drive, state, work):
     """Largest displacement [m] of a body, in any time up to `longest`, due to torque errors after the fraction x."""
-    springs, now, looks = work.springs, work.saturation, looks_at(work)
-    for k in range(len(now.impulse)):
-        now.impulse[k] = 0.0
+    springs, now, looks = work.springs, work.saturation, OF_TIES if ranges(work) else LOOKS
+    now.impulse[:] = 0.0
     for look in range(looks, 0, -1):
         if look > x * looks:
             beyond(look / looks, t, h, drive, state, work)
             if work.ties is not None:
-                note_impulses((1.0 - x) * h, look == looks, work.ties)
+                off = work.ties.off  # beyond the law of each row, and the largest impulse of that
+                for k in range(off.shape[1]):
+                    off[1, k] = max(0.0 if look == looks else off[1, k], (1.0 - x) * h * off[0, k])
             if saturates(drive):
                 for k in drive.joints:
                     now.impulse[k] = max(now.impulse[k], (1.0 - x) * h * now.off[k])
     if work.ties is not None:
-        add_impulses(now.impulse, work.ties)
+        for k in range(len(work.ties.rows)):
+            for j in range(len(now.impulse)):
+                now.impulse[j] += work.ties.J[k, j] * work.ties.off[1, k]
     if saturates(drive):
         for k in drive.joints:
             springs.kp[k] = springs.kd[k] = 0.0
@@ -187,7 +184,9 @@ def ends_at_switch(x, t, h, shortest, longest, allowed, drive, state, work):
         if saturates(drive):
             follow_limits(drive, work.springs, work.saturation)
         if work.ties is not None:
-            take_other_laws(t, work.ties)
+            for k in range(len(work.ties.rows)):  # rows that leave their law at once take another one from t on
+                if work.ties.off[1, k] > 0.0:
+                    work.ties.left[k] = t
     return True
 
 
@@ -201,26 +200,3 @@ def beyond_law(t, q, qd, work):
         ties.off[0, k] = out_of_range(ties.rows[k], ties.law[k], ties.gap[0, k], v, ties.moved[0, k])
         largest = max(largest, ties.off[0, k])
     return largest
-
-
-@recursion
-def note_impulses(left, first, ties):
-    """Note the largest impulse of each row beyond its law in the time `left` [s]."""
-    for k in range(len(ties.rows)):
-        ties.off[1, k] = max(0.0 if first else ties.off[1, k], left * ties.off[0, k])
-
-
-@recursion
-def add_impulses(impulse, ties):
-    """Add Jᵀ p of all rows to the impulses of the joints (n,)."""
-    for k in range(len(ties.rows)):
-        for j in range(len(impulse)):
-            impulse[j] += ties.J[k, j] * ties.off[1, k]
-
-
-@recursion
-def take_other_laws(t, ties):
-    """Let rows that leave their law at once, as their impulses show, take another one in the step from time t on."""
-    for k in range(len(ties.rows)):
-        if ties.off[1, k] > 0.0:
-            ties.left[k] = t

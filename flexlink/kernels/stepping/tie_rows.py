@@ -7,10 +7,12 @@ import numpy as np
 
 from flexlink.kernels.geometry.kinematics import add_slope, kinematics
 from flexlink.kernels.tools.compiler import entry, inlined, kernel, recursion, shared
+from flexlink.kernels.tools.finite import largest
 from flexlink.kernels.tools.lanes import Turns
 from flexlink.kernels.tools.numbered import numbered
+from flexlink.kernels.tools.records import added, keep
 from flexlink.kernels.tools.sincos import cos_sin_all
-from flexlink.kernels.tools.vec3 import add, apply, cross, dot, put, scale, sub, vector
+from flexlink.kernels.tools.vec3 import add, apply, cross, dot, scale, sub, vector
 
 KIND = numbered("point distance joint")
 TIE = np.dtype(
@@ -90,8 +92,7 @@ def between(row, length, placed):
 def find_row(chain, row, length, q, placed, J):
     """g of a row, and its J (n,), at the places of all bodies."""
     rounding = 1e-12  # largest slope of a row, relative to the distance of its points from the origin, that is an error
-    for j in range(len(q)):
-        J[j] = 0.0
+    J[:] = 0.0
     if row.kind == KIND.joint:
         J[row.a] = 1.0
         if row.b >= 0:
@@ -100,12 +101,8 @@ def find_row(chain, row, length, q, placed, J):
     g, a, b, u = between(row, length, placed)
     add_slope(chain, placed, row.a, a, u, J)
     add_slope(chain, placed, row.b, b, scale(-1.0, u), J)
-    largest = 0.0
-    for j in range(len(q)):
-        largest = max(largest, abs(J[j]))
-    if largest <= rounding * (math.sqrt(dot(a, a)) + math.sqrt(dot(b, b))):
-        for j in range(len(q)):
-            J[j] = 0.0
+    if largest(J) <= rounding * (math.sqrt(dot(a, a)) + math.sqrt(dot(b, b))):
+        J[:] = 0.0
     return g
 
 
@@ -142,8 +139,7 @@ def load(row, length, λ, q, placed, R):
 def put_force(body, point, f, loads):
     """Add a force at a point to the loads of a body."""
     if body >= 0:
-        put(loads[body], add(vector(loads[body]), f))
-        put(loads[body, 3:], add(vector(loads[body, 3:]), cross(point, f)))
+        keep(loads, body, added(loads, body, (f, cross(point, f))))
 
 
 @inlined
@@ -151,12 +147,6 @@ def pressed(row, side, g, v):
     """λ of a range beyond its high end, side 1, or its low end, side −1: > 0 if it presses; −∞ without such an end."""
     depth = side * (g - (row.high if side > 0.0 else row.low))
     return row.stiffness * depth * (1.0 + row.dissipation * side * v if depth > 0.0 else 1.0)
-
-
-@inlined
-def is_held(row):
-    """Whether a row is held, without a spring."""
-    return row.stiffness == math.inf
 
 
 @recursion
@@ -170,7 +160,7 @@ def chamber(row, side, g, length):
 @recursion
 def law_of(row, g, v, length):
     """LAW that is valid at g and ġ."""
-    if is_held(row):
+    if row.stiffness == math.inf:
         return LAW.held
     if row.bulk > 0.0:
         law = LAW.oil
@@ -274,7 +264,7 @@ def spring_forces(rows, length, g, v, λ, slopes):
     """Write λ and ∂λ/∂g (r,) of all springs at g and ġ (r,), with l where it moves; 0 for rows that are held."""
     for k in range(len(rows)):
         row, λ[k], slopes[k] = rows[k], 0.0, 0.0
-        if not is_held(row):
+        if row.stiffness < math.inf:
             λ[k], slopes[k], _ = multiplier(row, law_of(row, g[k], v[k], length[k]), g[k], v[k], length[k])
 
 

@@ -244,14 +244,6 @@ def pull(i, t, q, qd, R, work):
     return power
 
 
-@inlined
-def yielding(k, z, ties):
-    """C of row k; 0 if its law has no spring."""
-    if ties.law[k] < LAW.spring:
-        return 0.0 * z
-    return 1.0 / (z * (ties.slope[0, k] * z + ties.slope[1, k]))
-
-
 @recursion
 def answer(J, factors, z, held, answers, m, posture, ties):
     """Write Y = (M + A_z)⁻¹ Jᵀ, as rows, S = J Y and G for eigenvalue m; with `held` only held rows act."""
@@ -293,9 +285,11 @@ def invert(z, held, answers, m, ties):
     """
     S, C, G, weight = answers.S[m], answers.C[m], answers.G[m], answers.μ
     used, r, first = ties.used, len(ties.rows), 0.0
+    used[:] = 0.0
     for k in range(r):
-        used[k] = 0.0
-        C[k] = 0.0 * z if held else yielding(k, z, ties)
+        C[k] = 0.0 * z
+        if ties.law[k] >= LAW.spring and not held:
+            C[k] = 1.0 / (z * (ties.slope[0, k] * z + ties.slope[1, k]))
         weight[k] = S[k, k] / (S[k, k] + C[k]) if C[k] != 0.0 else 1.0 + C[k]
         for l in range(r):
             G[k, l] = weight[k] * S[k, l] if acts(k, held, ties) and acts(l, held, ties) else 0.0 * z
@@ -447,8 +441,7 @@ def accelerate(t, q, qd, qdd, work):
     shift_cells(0.0, work.factors[0], work.posture)
     factor(work.factors[0], work.posture)
     nudge = 1e-5 / max(fastest, 1e-300)
-    for k in range(r):
-        g[k] = 0.0
+    g[:] = 0.0
     for side in range(2):
         sign = 1.0 - 2.0 * side
         for k in range(n):

@@ -1,6 +1,6 @@
-"""Check whether all numbers of an array are finite, in one pass and without a temporary array."""
+"""Whether all numbers of an array are finite, and the largest of them, in one pass without a temporary array."""
 
-from flexlink.kernels.tools.compiler import entry, inlined
+from flexlink.kernels.tools.compiler import entry, inlined, recursion
 from flexlink.kernels.tools.lanes import LANES, all_zero, at, eight_of, zero_of
 
 
@@ -17,6 +17,15 @@ def is_finite(a):
     for k in range(whole, len(a)):
         first += at(a, k) - at(a, k)
     return all_zero((first + second) + (third + fourth))
+
+
+@recursion
+def largest(a):
+    """The largest |a_k| of an array (n,), 0 if it is empty; nan if some a_k is not finite."""
+    size = 0.0
+    for k in range(len(a)):
+        size = max(size, abs(a[k])) + (a[k] - a[k])
+    return size
 
 
 @inlined

@@ -166,36 +166,24 @@ def zero_of(array, *index):
 
 @overload(at, jit_options=INLINED)
 def _at(array, *index):
+    if array.ndim == len(index):
+        return lambda array, *index: array[index]
     if len(index) == 1:
-        if array.ndim == 1:
-            return lambda array, *index: array[index[0]]
         return lambda array, *index: _load(array, index[0] * LANES)
-    if array.ndim == 2:
-        return lambda array, *index: array[index[0], index[1]]
     return lambda array, *index: _load(array, (index[0] * array.shape[1] + index[1]) * LANES)
 
 
 @overload(put_at, jit_options=INLINED)
 def _put_at(array, value, *index):
-    if array.ndim > len(index):
-        if len(index) == 1:
-
-            def put(array, value, *index):
-                _store(array, index[0] * LANES, value)
-        else:
-
-            def put(array, value, *index):
-                _store(array, (index[0] * array.shape[1] + index[1]) * LANES, value)
-    elif len(index) == 1:
+    if array.ndim == len(index):
 
         def put(array, value, *index):
-            array[index[0]] = value
-    else:
+            array[index] = value
 
-        def put(array, value, *index):
-            array[index[0], index[1]] = value
-
-    return put
+        return put
+    if len(index) == 1:
+        return lambda array, value, *index: _store(array, index[0] * LANES, value)
+    return lambda array, value, *index: _store(array, (index[0] * array.shape[1] + index[1]) * LANES, value)
 
 
 @overload(eight_of, jit_options=INLINED)
