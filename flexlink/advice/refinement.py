@@ -261,7 +261,9 @@ def load_and_bend(arm: Arm, run: Trajectory) -> tuple[float, float]:
 def _least_rigidity(arm: Arm, link: Link) -> float:
     """The smallest EI of a link [N m²]."""
     if link.rigidity is not None:
-        table = arm.rigidities[link.rigidity]
+        table = arm.rigidities[link.rigidity].of_flex(link.flex)
+        if table.coupled:
+            return float(np.linalg.eigvalsh(table.rows.stiffness).min())
         return table.stiffness_factor * min(min(column) for column in (table.ei_y, table.ei_z) if column is not None)
     ends = [arm.sections[name].properties[1:3] for name in (link.section, link.section_tip) if name]
     return arm.materials[link.material or ""].young * min(min(end) for end in ends)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from flexlink.chain.beam_slides import Stations, stations_of
 from flexlink.chain.beams import SectionBeam, TableBeam, points_between
 from flexlink.chain.builder import Builder
-from flexlink.chain.compliance import cell_constants, spring_constants
+from flexlink.chain.compliance import cell_constants, coupled_constants, spring_constants
 from flexlink.chain.coordinates import Kind
 from flexlink.chain.rest_angles import Turns, turns_at_rest
 from flexlink.chain.rigid import SpatialInertia
@@ -156,6 +156,8 @@ def _springs(
 ) -> Springs:
     """Springs of a beam's hinges, and their couplings in cells."""
     rule, rows = lumping_rule(link.lumping), np.array(list(places.values()), dtype=np.intp)
+    if isinstance(beam, TableBeam) and beam.table.coupled:
+        return _springs_of_sections(builder, link, coupled_constants(beam, rule, nodes, weights), places, rows)
     among = np.array([axis * len(nodes) + hinge for axis, hinge in places], dtype=np.intp)
     if rule.cells is not None:
         return _springs_of_cells(builder, link, rule.cells, beam, len(nodes), places, rows, among)
@@ -170,6 +172,18 @@ def _springs(
         return held.reshape(len(held), -1)[:, among], np.zeros((len(held), 0))
 
     return Springs(link, rows, none, constants)
+
+
+def _springs_of_sections(builder: Builder, link: Link, K: Array, places: Places, rows: NDArray[np.intp]) -> Springs:
+    """As `_springs`, for K (cells, 3, p, 3, p) of sections that couple axes: all hinges of a cell are coupled."""
+    first, p = len(builder.couplings), K.shape[2]
+    own, both = [K[i // p, a, i % p, a, i % p] for a, i in places], list[float]()
+    for cell, members in itertools.groupby(places, lambda place: place[1] // p):
+        for (a, i), (b, j) in itertools.combinations(members, 2):
+            builder.couplings.append((places[a, i], places[b, j], 0.0, 0.0))
+            both.append(float(K[cell, a, i % p, b, j % p]))
+    given = np.array(own), np.array(both)
+    return Springs(link, rows, slice(first, len(builder.couplings)), lambda young, shear: given)
 
 
 def _springs_of_cells(

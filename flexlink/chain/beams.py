@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.common.types import Array
+from flexlink.describe.arm import Arm
+from flexlink.describe.link import Link
 from flexlink.describe.material import Section
 from flexlink.describe.rigidity import Rigidity
 
@@ -136,6 +138,11 @@ class TableBeam:
         """GJ, EI_y, EI_z at every x, shape (3, *x.shape) [N m²]."""
         return np.array([np.interp(x, self._places, column) for column in self.table.rows.rigidities])
 
+    def stiffness(self, x: Array) -> Array:
+        """K of the sections, with couplings, at every x, shape (N, 3, 3) [N m²]."""
+        rows = self.table.rows.stiffness.reshape(-1, 9).T
+        return np.array([np.interp(x, self._places, column) for column in rows]).T.reshape(-1, 3, 3)
+
     def rotary(self, x: Array) -> Array:
         """ρI_y and ρI_z at every x, shape (2, *x.shape) [kg m]."""
         return self.per_length(x)[1:]
@@ -170,9 +177,21 @@ class TableBeam:
         return mass, center, np.column_stack([y + z, y + bending, z + bending])
 
     def flexibility(self, edges: Array, degree: int) -> tuple[Points, Array]:
-        """Gauss points for ∫ f/GJ, f/EI_y, f/EI_z, f of this degree, and L/GJ, L/EI_y, L/EI_z there, (3, points)."""
+        """Gauss points for ∫ f/GJ, f/EI_y, f/EI_z, f of this degree, and L/GJ, L/EI_y, L/EI_z there, (3, points).
+
+        Of coupled sections: for ∫ f K⁻¹, and L K⁻¹, (3, 3, points).
+        """
         found = points_between(edges, _fine(self.table), np.polynomial.legendre.leggauss(12 + degree // 2))
+        if self.table.coupled:
+            return found, np.asarray(self.length * np.linalg.inv(self.stiffness(found[1])).transpose(1, 2, 0))
         return found, self.length / self.rigidities(found[1])
+
+
+def table_of(arm: Arm, link: Link) -> TableBeam | None:
+    """The beam of a link with a table of rigidities; None without one."""
+    if link.rigidity is None:
+        return None
+    return TableBeam(link.beam.length, arm.rigidities[link.rigidity].of_flex(link.flex))
 
 
 def _sums(owner: NDArray[np.intp], parts: Array, count: int) -> Array:
@@ -182,11 +201,19 @@ def _sums(owner: NDArray[np.intp], parts: Array, count: int) -> Array:
 
 @functools.lru_cache(maxsize=64)
 def _fine(table: Rigidity) -> Array:
-    """Knots between which no rigidity changes by more than `LARGEST_RATIO`."""
+    """Knots between which no rigidity changes by more than `LARGEST_RATIO`.
+
+    On a piece, K⁻¹ of coupled sections is a sum of terms that change like 1/EI whose EI grows from 1 to an eigenvalue
+    λ of K_last v = λ K_first v.
+    """
     x, columns = table.rows.x / table.rows.x[-1], table.rows.rigidities
     found = [x]
     for k in np.flatnonzero(np.diff(x) > 0):
-        for first, last in columns[:, k : k + 2]:
+        changes = columns[:, k : k + 2]
+        if table.coupled:
+            start, stop = table.rows.stiffness[k : k + 2]
+            changes = np.array([(1.0, λ) for λ in np.linalg.eigvals(np.linalg.solve(start, stop)).real])
+        for first, last in changes:
             count = int(np.ceil(abs(np.log(last / first)) / np.log(LARGEST_RATIO)))
             if count > 1:
                 between = first * (last / first) ** (np.arange(1, count) / count)

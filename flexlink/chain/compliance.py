@@ -14,6 +14,9 @@ complementary energy gives
 The matrix C of `Cell` converts hinge angles to curvatures, and w_q are the weights of the Gauss points.
 For constant EI this is the K of `schemes.cells`. If ℓ_j would give a hinge a negative compliance, or less than `LEAST`
 times the compliance of its interval, as next to a jump, all hinges of the element use this compliance (order 2).
+
+With sections that couple axes, K⁻¹ takes the place of 1/EI, M is the vector of moments, c_j is a matrix (3, 3), and F
+and K of a cell have such blocks.
 """
 
 import numpy as np
@@ -32,13 +35,14 @@ MOST_NODES = 100
 
 
 def spring_constants(beam: TableBeam, rule: LumpingRule, nodes: Array, weights: Array) -> Array:
-    """1/c_j of every hinge about X, Y and Z, shape (3, N) [N m/rad]."""
-    given = np.empty((3, len(nodes)))
+    """1/c_j of every hinge about X, Y and Z, shape (3, N), or c_j⁻¹ of coupled sections, (3, 3, N) [N m/rad]."""
+    axes = (3, 3) if beam.table.coupled else (3,)
+    given = np.empty((*axes, len(nodes)))
     for which, edges, stretches in _panels(rule, nodes, weights):
-        by_intervals = np.empty((3, len(stretches)))  # w_j times the mean of L/EI over the interval of each hinge
+        by_intervals = np.empty((*axes, len(stretches)))  # w_j times the mean of L/EI over the interval of each hinge
         for j, (ends, w) in enumerate(zip(stretches, weights[which], strict=True)):
             (_, _, weight), per = beam.flexibility(ends, 0)
-            by_intervals[:, j] = per @ weight * (w / (ends[1] - ends[0]))
+            by_intervals[..., j] = per @ weight * (w / (ends[1] - ends[0]))
         found = by_intervals
         if rule.grid is None and len(stretches) <= MOST_NODES:
             (_, x, weight), per = beam.flexibility(np.array(edges), len(nodes[which]))
@@ -47,8 +51,12 @@ def spring_constants(beam: TableBeam, rule: LumpingRule, nodes: Array, weights: 
                 tip, root = rule.jacobi.tip, rule.jacobi.root
                 basis *= ((1 - x) ** tip * x**root)[:, None] / ((1 - nodes[which]) ** tip * nodes[which] ** root)
             found = np.asarray((per * weight) @ basis)
-        good = (found > LEAST * by_intervals).all(axis=1, keepdims=True)
-        given[:, which] = 1 / np.where(good, found, by_intervals)
+        if len(axes) == 1:
+            good = (found > LEAST * by_intervals).all(axis=1, keepdims=True)
+            given[:, which] = 1 / np.where(good, found, by_intervals)
+        else:
+            least = np.linalg.eigvalsh((found - LEAST * by_intervals).T).min()
+            given[..., which] = np.linalg.inv((found if least > 0 else by_intervals).T).T
     return given
 
 
@@ -63,6 +71,37 @@ def cell_constants(beam: TableBeam, cells: Cells, count: int) -> Array:
         np.add.at(F[axis], owner, (weight * per[axis])[:, None, None] * basis[:, :, None] * basis[:, None, :])
     WC = cell.weights[:, None] * cell.curvature
     return np.asarray(WC.T @ np.linalg.solve(F, np.broadcast_to(WC, F.shape)))
+
+
+def coupled_constants(beam: TableBeam, rule: LumpingRule, nodes: Array, weights: Array) -> Array:
+    """K of every cell, or of every hinge (p = 1), of coupled sections, shape (cells, 3, p, 3, p) [N m/rad]."""
+    if rule.cells is None:
+        return np.asarray(spring_constants(beam, rule, nodes, weights).T[:, :, None, :, None])
+    WC = rule.cells.cell.weights[:, None] * rule.cells.cell.curvature
+    both = np.kron(np.eye(3), WC)
+    F = _flexibility_of_cells(beam, rule.cells, len(nodes))
+    return np.asarray(both.T @ np.linalg.solve(F, both)).reshape(-1, 3, len(WC), 3, len(WC))
+
+
+def _flexibility_of_cells(beam: TableBeam, cells: Cells, count: int) -> Array:
+    """F of every cell of coupled sections, (cells, 3p, 3p): F_qr of twist, of bending about y and about z."""
+    p, parts = cells.hinges, count // cells.hinges
+    edges = np.linspace(0.0, 1.0, parts + 1)
+    (owner, x, weight), per = beam.flexibility(edges, 2 * (p - 1))
+    basis, F = lagrange(cells.cell.points, (x - edges[owner]) * parts), np.zeros((parts, 3, p, 3, p))
+    np.add.at(F, owner, np.einsum("k,abk,kq,kr->kaqbr", weight, per, basis, basis))
+    return F.reshape(parts, 3 * p, 3 * p)
+
+
+def coupled_curvatures(beam: TableBeam, rule: LumpingRule, hinges: tuple[Array, Array], angles: Array) -> Array:
+    """κ = K⁻¹ M of coupled sections at hinges, or Gauss points of cells, (…, N, 3), for angles (…, N, 3)."""
+    K, x = coupled_constants(beam, rule, *hinges), hinges[0]
+    each = angles.reshape(*angles.shape[:-2], len(K), K.shape[2], 3)
+    M = np.einsum("eaibj,...ejb->...eia", K, each)
+    if rule.cells is not None:
+        WC, x = rule.cells.cell.weights[:, None] * rule.cells.cell.curvature, rule.cells.gauss_points(len(x))
+        M = np.einsum("qi,...eia->...eqa", np.linalg.inv(WC.T), M)
+    return np.asarray(np.linalg.solve(beam.stiffness(x), M.reshape(*angles.shape, 1))[..., 0])
 
 
 def curvatures(beam: TableBeam, rule: LumpingRule, hinges: tuple[Array, Array], angles: Array) -> Array:

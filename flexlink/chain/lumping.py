@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.arguments import require_type
 from flexlink.chain.beam_hinges import Springs, add_beam
-from flexlink.chain.beams import SectionBeam, TableBeam
+from flexlink.chain.beams import SectionBeam, TableBeam, table_of
 from flexlink.chain.builder import Builder, Piece, described, record_inertia, recorded
 from flexlink.chain.chain import Chain
 from flexlink.chain.constant_ratio import posture_of, with_constant_ratios
@@ -247,10 +247,8 @@ def _framed(scene: Scene, beams: Sequence[SectionBeam | TableBeam | None]) -> Fr
 
 def _beam_of(arm: Arm, link: Link) -> SectionBeam | TableBeam | None:
     """Beam of a link; None if the link has no beam with mass."""
-    if link.rigidity is not None:
-        return TableBeam(link.beam.length, arm.rigidities[link.rigidity])
     if link.material is None or link.section is None:
-        return None
+        return table_of(arm, link)
     root, tip = arm.sections[link.section], arm.sections[link.section_tip or link.section]
     return SectionBeam(link.beam.length, arm.materials[link.material].density, root, tip)
 

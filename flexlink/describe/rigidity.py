@@ -15,12 +15,17 @@ from flexlink.common.types import Array
 from flexlink.common.wording import both_given
 from flexlink.data.csv_table import head_of, read_csv
 from flexlink.describe.rest_shape import check_rows
-from flexlink.describe.spec import NonNegative, Positive, Spec, measured_in
+from flexlink.describe.spec import NonNegative, Positive, Spec, build_unchecked, measured_in
 
-COLUMNS = {"ei_y": "N m²", "ei_z": "N m²", "gj": "N m²", "rho_a": "kg/m", "rho_i_y": "kg m", "rho_i_z": "kg m"}
+COLUMNS = {
+    "ei_y": "N m²", "ei_z": "N m²", "gj": "N m²", "k_xy": "N m²", "k_xz": "N m²", "k_yz": "N m²",
+    "rho_a": "kg/m", "rho_i_y": "kg m", "rho_i_z": "kg m",
+}  # fmt: skip
 """Columns of a table other than x, with units."""
 HELD = {"z": ("ei_z",), "yz": ("ei_y", "ei_z"), "xyz": ("ei_y", "ei_z", "gj")}
 """Rigidities that a link needs, by its flex."""
+COUPLED = {"k_xy": ("gj", "ei_y"), "k_xz": ("gj", "ei_z"), "k_yz": ("ei_y", "ei_z")}
+"""Couplings of two axes, and the rigidities about them."""
 
 
 class Rigidity(Spec, frozen=True):
@@ -30,6 +35,9 @@ class Rigidity(Spec, frozen=True):
     ∫ dx/EI of their part of the beam; segments have its exact mass, centre and inertia. By rules with cells, masses are
     lumped at the cell's points, which leaves a second-order error where ρA jumps.
     A link with flex = "z" needs `ei_z`; "yz" also needs `ei_y`; "xyz" also needs `gj` and inertia about its x.
+    Moments of a section with couplings, such as a composite blade, follow from its twist and curvature by
+
+        (M_x, M_y, M_z) = K (twist, κ_y, κ_z)        K = [[GJ, K_xy, K_xz], [K_xy, EI_y, K_yz], [K_xz, K_yz, EI_z]]
 
     Examples
     --------
@@ -50,17 +58,25 @@ class Rigidity(Spec, frozen=True):
     """Bending rigidity EI about the section's z [N m²]."""
     gj: Annotated[tuple[Positive, ...] | None, measured_in("N m²")] = None
     """Torsional rigidity GJ [N m²]."""
+    k_xy: Annotated[tuple[float, ...] | None, measured_in("N m²")] = None
+    """Coupling of twist and bending about y [N m²]. Default: 0. A link that does not bend about an axis of a coupling
+    ignores it."""
+    k_xz: Annotated[tuple[float, ...] | None, measured_in("N m²")] = None
+    """Coupling of twist and bending about z [N m²]. Default: 0."""
+    k_yz: Annotated[tuple[float, ...] | None, measured_in("N m²")] = None
+    """Coupling of bending about y and about z [N m²]. Default: 0, for principal axes."""
     rho_i_y: Annotated[tuple[NonNegative, ...] | None, measured_in("kg m")] = None
     """Inertia per length about the section's y, ∫ ρ z² dA [kg m]. Default: 0, for a thin beam."""
     rho_i_z: Annotated[tuple[NonNegative, ...] | None, measured_in("kg m")] = None
     """Inertia per length about the section's z, ∫ ρ y² dA [kg m]. Default: 0, for a thin beam."""
     file: str | None = None
-    """A CSV file instead of columns, with headers "x [m]", "EI_z [N m²]", "EI_y [N m²]", "GJ [N m²]", "rhoA [kg/m]",
-    "rhoI_y [kg m]", "rhoI_z [kg m]". The path is relative to the scene's folder; the file is read once."""
+    """A CSV file instead of columns, with headers "x [m]", "EI_z [N m²]", "EI_y [N m²]", "GJ [N m²]", "K_xy [N m²]",
+    "K_xz [N m²]", "K_yz [N m²]", "rhoA [kg/m]", "rhoI_y [kg m]", "rhoI_z [kg m]". The path is relative to the scene's
+    folder; the file is read once."""
     loss_time: Annotated[NonNegative, measured_in("s")] = 0.0
     """Kelvin-Voigt loss time η [s], as for a material."""
     stiffness_factor: Positive = 1.0
-    """Factor by which EI and GJ are multiplied along the complete beam, a single number to vary or fit [1]."""
+    """Factor by which EI, GJ and couplings are multiplied along the complete beam, one number to vary or fit [1]."""
     mass_factor: Positive = 1.0
     """Factor by which ρA and ρI are multiplied along the complete beam [1]."""
 
@@ -73,6 +89,34 @@ class Rigidity(Spec, frozen=True):
             column = getattr(self, name)
             if column is not None and len(column) != len(self.x):
                 raise self._refused(name, f"expected one number per row of x, {len(self.x)}", "one-per-row")
+        self._check_couplings()
+
+    def _check_couplings(self) -> None:
+        """Refuse couplings without the rigidities about both axes, and sections that would give way by themselves."""
+        for name, own in COUPLED.items():
+            if getattr(self, name) is not None and (absent := [one for one in own if getattr(self, one) is None]):
+                raise self._refused(name, f"also needs {' and '.join(absent)}", "needs-another-key")
+        if self.coupled and (least := np.linalg.eigvalsh(self.rows.stiffness).min(axis=1)).min() <= 0:
+            row = int(np.argmin(least))
+            name = max(filter(self._given, COUPLED), key=lambda name: abs(getattr(self, name)[row]))
+            text = (
+                f"{name}[{row}] = {getattr(self, name)[row]!r}: is too large: K of the section is not positive definite"
+            )
+            raise SceneError(f"{text}; for two axes, |K_xy| < √(GJ EI_y)", id="section-not-stiff")
+
+    def _given(self, name: str) -> bool:
+        return any(getattr(self, name) or ())
+
+    @property
+    def coupled(self) -> bool:
+        """Whether the sections couple two axes."""
+        return any(map(self._given, COUPLED))
+
+    def of_flex(self, flex: str) -> Rigidity:
+        """The table of a link with this flex: without couplings to axes about which it does not bend."""
+        held = HELD.get(flex, ())
+        ignored = [name for name, own in COUPLED.items() if self._given(name) and not {*own} <= {*held}]
+        return build_unchecked(msgspec.structs.replace, self, **dict.fromkeys(ignored)) if ignored else self
 
     def _read(self, file: str) -> None:
         """Fill the columns from a file, and clear `file`."""
@@ -95,7 +139,7 @@ class Rigidity(Spec, frozen=True):
     def jump_at(self, x: float, flex: str) -> float | None:
         """Position [m] of a jump of a needed rigidity (see `lacks`) at x [m], up to rounding; None if there is none."""
         for k in range(1, len(self.x)):
-            columns = (getattr(self, name) or () for name in HELD[flex])
+            columns = (getattr(self.of_flex(flex), name) or () for name in (*HELD[flex], *COUPLED))
             # relative distance below which two positions count as equal
             if self.x[k] == self.x[k - 1] and abs(x - self.x[k]) <= 1e-9 * self.x[-1]:
                 return self.x[k] if any(column[k] != column[k - 1] for column in columns if column) else None
@@ -112,6 +156,7 @@ def _columns(file: Path) -> dict[str, tuple[float, ...]]:
     tiny = float(np.finfo(np.float64).tiny)
     # headers of a CSV file, and their keys
     heads = {"EI_y": "ei_y", "EI_z": "ei_z", "GJ": "gj", "rhoA": "rho_a", "rhoI_y": "rho_i_y", "rhoI_z": "rho_i_z"}
+    heads |= {f"K_{axes}": f"k_{axes}" for axes in ("xy", "xz", "yz")}
     table = read_csv(file)
     given = [head_of(head)[0] for head in table.heads]
     for head, quantity in zip(table.heads, given, strict=True):
@@ -122,7 +167,7 @@ def _columns(file: Path) -> dict[str, tuple[float, ...]]:
     found = {"x": table.column("x", "m"), "rho_a": table.column("rhoA", COLUMNS["rho_a"])}
     found |= {name: table.column(head, COLUMNS[name]) for head, name in heads.items() if head in given}
     for name, column in found.items():
-        low = 0.0 if name in {"x", "rho_i_y", "rho_i_z"} else tiny
+        low = -np.inf if name in COUPLED else 0.0 if name in {"x", "rho_i_y", "rho_i_z"} else tiny
         if not (column >= low).all():
             text = f"{file}: line {int(np.argmax(column < low)) + 2}: {name} must be positive"
             raise DataFileError(text, id="out-of-range")
@@ -134,6 +179,7 @@ class Rows(NamedTuple):
 
     x: Array  # (rows,) [m]
     rigidities: Array  # (3, rows) GJ, EI_y, EI_z [N m²], 1 if missing
+    stiffness: Array  # (rows, 3, 3) K of the sections [N m²], with couplings
     masses: Array  # (3, rows) ρA [kg/m], ρI_y, ρI_z [kg m]
 
 
@@ -142,4 +188,8 @@ def _rows(table: Rigidity) -> Rows:
     none, nothing = (1.0,) * len(table.x), (0.0,) * len(table.x)
     rigidities = np.array([table.gj or none, table.ei_y or none, table.ei_z or none])
     masses = np.array([table.rho_a, table.rho_i_y or nothing, table.rho_i_z or nothing])
-    return Rows(np.array(table.x), table.stiffness_factor * rigidities, table.mass_factor * masses)
+    K_xy, K_xz, K_yz = (getattr(table, name) or nothing for name in COUPLED)
+    gj, ei_y, ei_z = rigidities
+    stiffness = np.array([[gj, K_xy, K_xz], [K_xy, ei_y, K_yz], [K_xz, K_yz, ei_z]]).transpose(2, 0, 1)
+    factor = table.stiffness_factor
+    return Rows(np.array(table.x), factor * rigidities, factor * stiffness, table.mass_factor * masses)

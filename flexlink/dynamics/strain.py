@@ -10,7 +10,8 @@ curvature at the cell's Gauss points instead:
 For a link that is curved at rest, θ is measured from the rest angles, and κ from its curvature at rest.
 The axis is strained, ε₀ = u/(w L) from the slide u of a station, if the link stretches; otherwise ε₀ = 0.
 
-If EI is given by a table, κ = M/EI at these points, where M is the moment in the springs.
+If EI is given by a table, κ = M/EI at these points, where M is the moment in the springs; κ = K⁻¹ M if sections couple
+axes.
 
 If springs act on rotation vectors φ, these replace θ, and cells with two of them add −φ₁ × φ₂ / (6 h) to κ.
 """
@@ -23,8 +24,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import beyond_float64, require_type, vector
-from flexlink.chain.beams import TableBeam
-from flexlink.chain.compliance import curvatures
+from flexlink.chain.beams import table_of
+from flexlink.chain.compliance import coupled_curvatures, curvatures
 from flexlink.chain.coordinates import Kind
 from flexlink.chain.lumping import lump, open_chain
 from flexlink.common.errors import ArgumentError
@@ -103,18 +104,20 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
     rule, length = lumping_rule(bent.lumping), bent.beam.length
     cells = rule.cells
     curvature, held = np.zeros((2, *angles.shape[:-1], len(nodes), 3))
+    beam = table_of(arm, bent)
     h = length * (cells.hinges if cells is not None else 1) / len(nodes)
     with np.errstate(over="ignore", invalid="ignore"):
         for axis in AXES[bent.flex]:
             hinges = [chain.index(number, segment, axis) for segment in range(1, len(nodes) + 1)]
             θ = held[..., axis - 1] = (held_angles(chain, angles) - chain.rest)[..., hinges]
-            if bent.rigidity is not None:
-                beam = TableBeam(length, arm.rigidities[bent.rigidity])
+            if beam is not None and not beam.table.coupled:
                 curvature[..., axis - 1] = curvatures(beam, rule, (nodes, weights), θ)[axis - 1]
             elif cells is None:
                 curvature[..., axis - 1] = θ / (weights * length)
             else:
                 curvature[..., axis - 1] = cells.cell.curvatures(θ, h)
+        if beam is not None and beam.table.coupled:
+            curvature = coupled_curvatures(beam, rule, (nodes, weights), held)
         if chain.bodies["springs"][chain.body(hinges[0])] == SPRINGS.cell:
             curvature -= np.repeat(cross(held[..., ::2, :], held[..., 1::2, :]) / (6 * h), 2, axis=-2)
         strain = z * curvature[..., 1] - y * curvature[..., 2]

@@ -354,7 +354,9 @@ def _instead(chain: Chain, k: int, field: str) -> str:
     """Return the remedy; only damping with `law = "constant"` couples joints without a spring."""
     if field == "damping" and (chain.couplings["stiffness"] == 0).any():
         return "use damping of law = 'proportional', or URDF or SDF"
-    link = chain.link_names[chain.coordinate(k).link - 1]
+    link, axis = chain.link_names[chain.coordinate(k).link - 1], chain.hinges["axis"]
+    if (axis[chain.couplings["inner"]] != axis[chain.couplings["outer"]]).any():
+        return f"use URDF or SDF, which take sections that couple axes, as in link {link!r}"
     return f"use more segments in link {link!r}, whose section or material changes too fast, or use URDF or SDF"
 
 

@@ -10,40 +10,19 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 from numpy.polynomial import Legendre, legendre
-from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
-from scipy.optimize import root
 
 import flexlink as fl
 from flexlink.chain.rest_angles import rotations
 from flexlink.describe.rest_shape import Along
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.dynamics.sensors.signals import placement_of
-from tests.support.beams import THIN, thin_arm, thin_link
+from tests.support.beams import THIN, rod, thin_arm, thin_link
 from tests.support.words import refused
 
 Array = np.ndarray
 QUARTER = np.pi / 2
 """Curvature of a quarter circle of length 1 [1/m]."""
-
-
-def rod(K: Array, κ: Callable[[float], Any], force: Array, length: float = 1.0, steps: int = 4) -> Array:
-    """Tip of a clamped inextensible rod of stiffness K about x, y, z and curvature κ at rest, under a dead tip load."""
-
-    def end(m0: Array, F: Array) -> Array:
-        def slope(s: float, y: Array) -> Array:
-            R, r = y[:9].reshape(3, 3), y[9:]
-            bent = κ(s) + np.linalg.solve(K, R.T @ (m0 - np.cross(r, F)))
-            return np.concatenate([np.cross(R, bent).ravel(), R[:, 0]])
-
-        start = np.concatenate([np.eye(3).ravel(), np.zeros(3)])
-        whole = solve_ivp(slope, (0, length), start, method="DOP853", rtol=1e-11, atol=1e-12)
-        return whole.y[9:, -1]
-
-    m0 = np.zeros(3)
-    for F in np.linspace(1 / steps, 1, steps)[:, None] * force:
-        m0 = root(lambda m: m - np.cross(end(m, F), F), m0, tol=1e-11).x  # noqa: B023
-    return end(m0, force)
 
 
 def link(rule: str, hinges: int, flex: str = "z", **shape: Any) -> fl.Link:

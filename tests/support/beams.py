@@ -1,6 +1,11 @@
 """Arms of the beam benchmarks."""
 
+from collections.abc import Callable
 from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.optimize import root
 
 from flexlink import (
     Arm,
@@ -23,6 +28,29 @@ from tests.conftest import chain_of, flexible, make_scene
 STEEL = Material(young=210e9, density=7850.0)
 THIN = 1e-16
 """Second moment of area I so small that rotary inertia is negligible against ρ A L²; E = 1/I gives EI = 1."""
+
+
+def rod(
+    K: np.ndarray | Callable[[float], np.ndarray], κ: Callable[[float], Any], force: np.ndarray, length: float = 1.0,
+    steps: int = 4,
+) -> np.ndarray:  # fmt: skip
+    """Tip of a clamped inextensible rod of stiffness K about x, y, z and curvature κ at rest, under a dead tip load."""
+    held = K if callable(K) else lambda s: K
+
+    def end(m0: np.ndarray, F: np.ndarray) -> np.ndarray:
+        def slope(s: float, y: np.ndarray) -> np.ndarray:
+            R, r = y[:9].reshape(3, 3), y[9:]
+            bent = κ(s) + np.linalg.solve(held(s), R.T @ (m0 - np.cross(r, F)))
+            return np.concatenate([np.cross(R, bent).ravel(), R[:, 0]])
+
+        start = np.concatenate([np.eye(3).ravel(), np.zeros(3)])
+        whole = solve_ivp(slope, (0, length), start, method="DOP853", rtol=1e-11, atol=1e-12)
+        return whole.y[9:, -1]
+
+    m0 = np.zeros(3)
+    for F in np.linspace(1 / steps, 1, steps)[:, None] * force:
+        m0 = root(lambda m: m - np.cross(end(m, F), F), m0, tol=1e-11).x  # noqa: B023
+    return end(m0, force)
 
 
 def thin_link(rule: str, hinges: int, name: str = "link", flex: str = "z", free: bool = False, **joint: float) -> Link:

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.beams import TableBeam
+from flexlink.chain.beams import table_of
 from flexlink.chain.builder import Piece
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump, open_chain, pieces
@@ -63,7 +63,7 @@ def slopes_of(sensor: Sensor, scene: Scene, chain: Chain, q: Array, qd: Array, q
 # A strain gauge: strain from a cubic through the nearest hinges, and its derivative with respect to the angles.
 #
 # If EI is given by a table, EI and the curvature may have kinks and jumps, but the moment M = EI κ does not. The cubic
-# then interpolates the moment at the hinges, and κ = M/EI with EI at the gauge.
+# then interpolates the moment at the hinges, and κ = M/EI with EI at the gauge, or κ = K⁻¹ M.
 
 
 def gauge_strain(sensor: Sensor, scene: Scene, q: Array) -> Array:
@@ -72,12 +72,16 @@ def gauge_strain(sensor: Sensor, scene: Scene, q: Array) -> Array:
     found = beam_strain(scene, q, link=sensor.link, fibre=(y, z))
     nearest, weights = interpolation(found.x, position)
     number = scene.arm.number(sensor.link)
-    link = scene.arm.links[number - 1]
-    if link.rigidity is None:
+    beam = table_of(scene.arm, scene.arm.links[number - 1])
+    if beam is None:
         strain: Array = found.strain[..., nearest] @ weights
         return strain
-    beam = TableBeam(link.beam.length, scene.arm.rigidities[link.rigidity])
     places = known_at(scene, number)[nearest], np.array([position / beam.length])
+    if beam.table.coupled:
+        there, here = map(beam.stiffness, places)
+        M = weights @ (there @ found.curvature[..., nearest, :, None])[..., 0]
+        _, κ_y, κ_z = np.linalg.solve(here, M[..., None])[..., 0].T
+        return np.asarray(z * κ_y - y * κ_z)
     there, here = (beam.rigidities(x)[1:] for x in places)
     κ_y, κ_z = (found.curvature[..., nearest, k + 1] @ (weights * there[k]) / here[k] for k in range(2))
     return np.asarray(z * κ_y - y * κ_z)

@@ -13,7 +13,8 @@ the curvature Θ' − ½ Θ × Θ' at both Gauss points, where the rotation vect
     V += (β₁∘φ₁ + β₂∘φ₂)·w + ½ w·(γ∘w)        w = −φ₁ × φ₂ / 6        β_i = (K_ii + K_12) / 2        γ = (β₁ + β₂) / 2
 
 where ∘ is the product component by component. The energy is exact up to the fourth power of the cell's length, even
-for tapered links.
+for tapered links. In other words, ½ w adds to φ₁ and to φ₂: V = ½ (φ + ½ w)·K (φ + ½ w). So a coupling K_ij of two axes
+in a cell has V = K_ij (φ_i + ½ w_i) (φ_j + ½ w_j).
 
 R is stored as a quaternion computed from the half angles, so φ is smooth up to a full turn, where it reverses. The φ(θ)
 of order Z, Y, X equals −φ(−θ) of order X, Y, Z, so one factor σ = ±1 covers both orders. Kernels first apply
@@ -34,7 +35,7 @@ from flexlink.kernels.tools.compiler import allocating, inlined, kernel, recursi
 from flexlink.kernels.tools.lanes import LANES, at, eight_of, put_at, put_eight, put_lane, zero_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sincos import cos_sin_all
-from flexlink.kernels.tools.vec3 import add, add_scaled, cross, dot, scale, sub
+from flexlink.kernels.tools.vec3 import X, Y, Z, add, add_scaled, cross, dot, pick, scale, sub
 
 ROW = numbered(
     "half:3 cosine:3 sine:3",  # ½ (θ − θ₀) of the hinges about X, Y, Z
@@ -61,7 +62,9 @@ class RotationSprings(NamedTuple):
     cells: Any  # (c, 2) inner and outer triple of each cell
     outer: Any  # (1,) offset, in numbers of a row, from the inner triple of a cell to the outer one
     within: Any  # (w, 3) couplings within a cell, about one axis: axis, slot of the inner triple, index of the coupling
-    pairs: Any  # (m, 5) other couplings: axis and slot of the inner hinge, axis and slot of the outer one, index
+    pairs: (
+        Any  # (m, 6) other couplings: axis and slot of the inner hinge and of the outer one, index, cell of both or −1
+    )
     coupled: Any  # (m, 1) K_ij of `pairs`
     numbers: Any  # (ROW.size, number of slots rounded up to a multiple of eight)
     side: Any  # the same memory, indexed by slot
@@ -98,7 +101,7 @@ def rotation_springs(bodies, hinges, couplings):
 @allocating
 def no_springs(triples, cells):
     """Empty springs, for a chain without triples; they share arrays, since forward dynamics often allocates them."""
-    none, pairs, numbers = np.empty(0, np.int64), np.empty((0, 5), np.int64), np.empty((ROW.size, 0))
+    none, pairs, numbers = np.empty(0, np.int64), np.empty((0, 6), np.int64), np.empty((ROW.size, 0))
     coupled = np.empty((0, 1))
     return RotationSprings(triples, none, cells, none, triples, pairs, coupled, numbers, numbers, turns_of(numbers))
 
@@ -151,22 +154,24 @@ def slots_of(cells, count, room):
 @kernel
 def joined(triples, slots, cells, couplings, n):
     """Return `within` and `pairs` of `RotationSprings`, which index the couplings between hinges of triples."""
-    place, partner = np.full((n, 2), -1), np.full(len(triples), -1)
+    place, cell = np.full((n, 2), -1), np.full(len(triples), -1)
     for t in range(len(triples)):
         for a in range(3):
             place[triples[t, a], 0], place[triples[t, a], 1] = a, t
     for c in range(len(cells)):
-        partner[cells[c, 0]] = cells[c, 1]
-    within, pairs, w, m = np.empty((len(couplings), 3), np.int64), np.empty((len(couplings), 5), np.int64), 0, 0
+        cell[cells[c, 0]] = cell[cells[c, 1]] = c
+    within, pairs, w, m = np.empty((len(couplings), 3), np.int64), np.empty((len(couplings), 6), np.int64), 0, 0
     for j in range(len(couplings)):
         i, o = couplings[j].inner, couplings[j].outer
         a, t, b, u = place[i, 0], place[i, 1], place[o, 0], place[o, 1]
         if t >= 0 and u >= 0:
-            if a == b and partner[t] == u:
+            shared = cell[t] if cell[t] == cell[u] else -1
+            if a == b and shared >= 0:
                 within[w, 0], within[w, 1], within[w, 2] = a, slots[t], j
                 w += 1
             else:
                 pairs[m, 0], pairs[m, 1], pairs[m, 2], pairs[m, 3], pairs[m, 4] = a, slots[t], b, slots[u], j
+                pairs[m, 5] = shared
                 m += 1
     return within[:w].copy(), pairs[:m].copy()
 
@@ -287,7 +292,8 @@ def excess_energy(q, springs):
             found += 0.5 * numbers[ROW.stiffness + a, k] * (φ - θ) * (φ + θ)
     for m in range(len(springs.pairs)):
         a, t, b, u = springs.pairs[m, 0], springs.pairs[m, 1], springs.pairs[m, 2], springs.pairs[m, 3]
-        bent = numbers[ROW.φ + a, t] * numbers[ROW.φ + b, u]
+        w = half_w(springs, springs.pairs[m, 5])
+        bent = (numbers[ROW.φ + a, t] + dot(w, pick(a, X, Y, Z))) * (numbers[ROW.φ + b, u] + dot(w, pick(b, X, Y, Z)))
         found += springs.coupled[m, 0] * (bent - 4.0 * numbers[ROW.half + a, t] * numbers[ROW.half + b, u])
     for c in range(len(springs.cells)):
         found += energy_of_cell(numbers, springs.slots[springs.cells[c, 0]], springs.slots[springs.cells[c, 1]])
@@ -434,6 +440,8 @@ def find_moments(springs):
         both = at(springs.coupled, m, 0)
         add_product(side, a, t, both, b, u)
         add_product(side, b, u, both, a, t)
+        if springs.pairs[m, 5] >= 0:
+            add_turns(springs, m, both)
 
 
 @inlined
@@ -466,3 +474,41 @@ def add_product(side, a, t, both, b, u):
     """Add K_ij φ_b and K_ij (θ − θ₀)_b of axis `b` in slot `u` to m and K (θ − θ₀) at axis `a` in slot `t`."""
     put_at(side, at(side, ROW.moment + a, t) + both * at(side, ROW.φ + b, u), ROW.moment + a, t)
     put_at(side, at(side, ROW.linear + a, t) + 2.0 * both * at(side, ROW.half + b, u), ROW.linear + a, t)
+
+
+@inlined
+def half_w(springs, cell):
+    """½ w of a cell, by the φ of its triples; 0 if `cell` is −1."""
+    if cell < 0:
+        return scale(0.0, three_at(springs.side, ROW.φ, 0))
+    t, u = springs.slots[springs.cells[cell, 0]], springs.slots[springs.cells[cell, 1]]
+    return scale(-1.0 / 12.0, cross(three_at(springs.side, ROW.φ, t), three_at(springs.side, ROW.φ, u)))
+
+
+@inlined
+def three_at(side, row, k):
+    """As `three`, also for eight chains."""
+    return at(side, row, k), at(side, row + 1, k), at(side, row + 2, k)
+
+
+@inlined
+def add_three_at(side, a, row, k):
+    """Add a vector to the numbers that `three_at` reads."""
+    for i in range(3):
+        put_at(side, at(side, row + i, k) + pick(i, a[0], a[1], a[2]), row + i, k)
+
+
+@recursion
+def add_turns(springs, m, both):
+    """Add what ½ w of a cell adds to the moments m by coupling m of `springs.pairs`, `both` = K_ij."""
+    side, a, b, cell = springs.side, springs.pairs[m, 0], springs.pairs[m, 2], springs.pairs[m, 5]
+    t, u, w = springs.pairs[m, 1], springs.pairs[m, 3], half_w(springs, cell)
+    e, f, w_a, w_b = pick(a, X, Y, Z), pick(b, X, Y, Z), dot(w, pick(a, X, Y, Z)), dot(w, pick(b, X, Y, Z))
+    M = add(
+        scale(0.5 * both * (at(side, ROW.φ + b, u) + w_b), e), scale(0.5 * both * (at(side, ROW.φ + a, t) + w_a), f)
+    )
+    add_three_at(side, scale(both * w_b, e), ROW.moment, t)
+    add_three_at(side, scale(both * w_a, f), ROW.moment, u)
+    first, last = springs.slots[springs.cells[cell, 0]], springs.slots[springs.cells[cell, 1]]
+    add_three_at(side, scale(-1.0 / 6.0, cross(three_at(side, ROW.φ, last), M)), ROW.moment, first)
+    add_three_at(side, scale(-1.0 / 6.0, cross(M, three_at(side, ROW.φ, first))), ROW.moment, last)

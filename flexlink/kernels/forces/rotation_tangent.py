@@ -9,6 +9,8 @@ The last two terms occur only if k and j are in one triple. ∂e_k/∂θ_j = −
 
     W₁ = φ₂ × / 6        W₂ = −φ₁ × / 6        M = ∂V/∂w
     ∂²V/∂φ_i∂φ_j += β_i∘W_j + W_iᵀ β_j∘ + W_iᵀ γ∘W_j + (M × / 6 if i = 1, j = 2)
+
+A coupling K_ij of two axes in a cell adds products of the gradients of φ_i + ½ w_i and φ_j + ½ w_j.
 """
 
 import math
@@ -24,6 +26,7 @@ from flexlink.kernels.forces.rotation_springs import (
     bending_of_cell,
     by_axis,
     find_excess,
+    half_w,
     polynomial,
     rotation_springs,
     three,
@@ -187,7 +190,10 @@ def bend_blocks(springs, tangent):
         for k in range(3):
             bent[t, k, k] = numbers[ROW.stiffness + k, springs.slots[t]]
     for m in range(len(pairs)):
-        add_coupling(springs, m, bent[tangent.of_pair[m]], 1.0)
+        if pairs[m, 5] >= 0:
+            bend_coupling(springs, m, tangent)
+        else:
+            add_coupling(springs, m, bent[tangent.of_pair[m]], 1.0)
     for c in range(len(springs.cells)):
         t, u = springs.cells[c, 0], springs.cells[c, 1]
         bend_cell_blocks(numbers, springs.slots[t], springs.slots[u], bent[t], bent[u], bent[tangent.of_cell[c]])
@@ -208,6 +214,35 @@ def bend_cell_blocks(numbers, t, u, own, others, mixed):
         for k in range(3):
             mixed[k, j] += column[k]
         mixed[j, j] += both[j]
+
+
+@recursion
+def bend_coupling(springs, m, tangent):
+    """Add the ∂²V/∂φ_i∂φ_j of coupling m of `springs.pairs` to the three blocks of its cell."""
+    numbers, K, c = springs.numbers, springs.coupled[m, 0], springs.pairs[m, 5]
+    a, t, b, u = springs.pairs[m, 0], springs.pairs[m, 1], springs.pairs[m, 2], springs.pairs[m, 3]
+    inner, outer, w = springs.cells[c, 0], springs.cells[c, 1], half_w(springs, c)
+    first, last = springs.slots[inner], springs.slots[outer]
+    e, f, φ1, φ2 = pick(a, X, Y, Z), pick(b, X, Y, Z), three(numbers, ROW.φ, first), three(numbers, ROW.φ, last)
+    W1, W2 = scale(1.0 / 12.0, φ2), scale(-1.0 / 12.0, φ1)  # of ½ w
+    e1, e2 = add_scaled(cross(e, W1), 1.0 * (t == first), e), add_scaled(cross(e, W2), 1.0 * (t == last), e)
+    f1, f2 = add_scaled(cross(f, W1), 1.0 * (u == first), f), add_scaled(cross(f, W2), 1.0 * (u == last), f)
+    add_products(tangent.bent[inner], K, e1, f1, f1, e1)
+    add_products(tangent.bent[outer], K, e2, f2, f2, e2)
+    add_products(tangent.bent[tangent.of_cell[c]], K, e1, f2, f1, e2)
+    M = add(scale(numbers[ROW.φ + b, u] + dot(w, f), e), scale(numbers[ROW.φ + a, t] + dot(w, e), f))
+    for j in range(3):
+        column = cross(scale(K / 12.0, M), pick(j, X, Y, Z))
+        for k in range(3):
+            tangent.bent[tangent.of_cell[c], k, j] += column[k]
+
+
+@inlined
+def add_products(block, K, a, b, c, d):
+    """Add K (a bᵀ + c dᵀ)."""
+    for k in range(3):
+        for j in range(3):
+            block[k, j] += K * (a[k] * b[j] + c[k] * d[j])
 
 
 @recursion
