@@ -121,19 +121,23 @@ def best_refit(search: Search, found: Found, named: Sequence[Fault], tried: Sequ
     tests at the solution do not recognise it.
     """
     better = 0.7  # largest cost with one more unknown, relative to the cost without it
-    physical = [(one.score, one.cause) for one in tried if one.cause is not None]
-    least = min(sorted((score for score, _ in physical), reverse=True)[:TRIED], default=0.0)
-    several = [*(cause for score, cause in physical if score >= least), *_timings(search)]
-    fits = [one for cause in several if (one := _refitted(search, found, cause)) is not None]
-    cost = search.cost(found.x, [[white(block) for block in part] for part in found.blocks])
-    explained = [max(cost - fit.cost, 0.0) for _, _, fit in fits]
-    as_much = [fit for fit, part in zip(fits, explained, strict=True) if part >= AS_MUCH * max(explained)]
-    best = next((fit for fit in as_much if fit[0].cause), min(as_much, key=lambda fit: fit[2].cost, default=None))
-    if best is None or (
-        best[2].cost >= better * cost and best[0].column not in {one.column for one in named if one.cause}
-    ):
+    hardly = 1.1  # largest cost with a physical cause that explains as much, relative to the least
+    twice = 2.0  # a cause is tried if it could explain as much as others even if its score shows only half of that
+    cost, fits = search.cost(found.x, [[white(block) for block in part] for part in found.blocks]), list[Refit]()
+    causes_tried = [one for one in tried if one.cause is not None]
+    for one in sorted(causes_tried, key=lambda one: -one.score)[:TRIED]:
+        least = min((fit.cost for _, _, fit in fits), default=cost)
+        if one.cause is not None and twice * one.score**2 / 2 > cost - least:
+            fits += _refitted(search, found, one.cause)
+    fits = [fit for one in causes_tried for fit in fits if fit[0].column == one.column]  # in the order of the table
+    fits += [fit for cause in _timings(search) for fit in _refitted(search, found, cause)]
+    if not fits:
         return None
-    return best
+    least = min(fit.cost for _, _, fit in fits)
+    as_much = [fit for fit in fits if cost - fit[2].cost >= AS_MUCH * (cost - least) and fit[2].cost <= hardly * least]
+    best = next((fit for fit in as_much if fit[0].cause), min(fits, key=lambda fit: fit[2].cost))
+    shown = best[0].cause is not None and best[0].column in {one.column for one in named}
+    return best if shown or best[2].cost < better * cost else None
 
 
 def _timings(search: Search) -> list[Cause]:
@@ -144,22 +148,24 @@ def _timings(search: Search) -> list[Cause]:
     return [Cause("", timing_of(kind, run), sources, (0.0,)) for kind, run in every if (kind, run) not in known]
 
 
-def _refitted(search: Search, found: Found, cause: Cause) -> Refit | None:
-    """The fit with one more unknown, the better one from the initial guess and from the solution."""
+def _refitted(search: Search, found: Found, cause: Cause) -> list[Refit]:
+    """The fit with one more unknown, the better one from the initial guess and from the solution; none if it fails."""
+    most = 12  # number of evaluations, which are enough to tell causes apart
     unknown, plain = cause.unknown, [[white(block) for block in part] for part in found.blocks]
     longer = Search(Signals(cause.sources, [*search.coordinates, unknown]), search.loss)
     starts = [np.append(x, unknown.x(cause.tried[0])) for x in (guess_of(search.coordinates), found.x)]
     try:
-        x = min((longer.least(start, plain, rough=True) for start in starts), key=lambda x: longer.cost(x, plain))
+        found_x = [longer.least(start, plain, rough=True, most=most) for start in starts]
+        x = min(found_x, key=lambda x: longer.cost(x, plain))
         wide = float(np.sqrt(longer.at(x, plain).covariance[-1, -1]))
     except FlexlinkError:  # the scene cannot be simulated with it
-        return None
+        return []
     value = unknown.value(float(x[-1]))
     fault = Fault(
         unknown.timing or "cause", unknown.run, unknown.path, unknown.measured_in, np.empty(0), value,
         unknown.size(value) * wide, cause if cause.name else None,
     )  # fmt: skip
-    return fault, longer, Found(x, longer.cost(x, plain), plain)
+    return [(fault, longer, Found(x, longer.cost(x, plain), plain))]
 
 
 def mixups(at: Likelihood) -> list[Diagnostic]:
