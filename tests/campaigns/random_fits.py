@@ -122,7 +122,8 @@ def scene_of(p: Values, target: float) -> fl.Scene:
     sensors = (
         fl.Sensor(name="gauge", kind="strain", link="l0", x=0.03, fibre=(p["height"] / 2, 0.0), gain=1e6, unit="µm/m"),
         fl.Sensor(name="acc", kind="accelerometer", axis=(0, 1, 0), **on),
-        fl.Sensor(name="gyro", kind="gyroscope", axis=(0, 0, 1), **on), fl.Sensor(name="motor", kind="torque", link="l0"),
+        fl.Sensor(name="gyro", kind="gyroscope", axis=(0, 0, 1), **on),
+        fl.Sensor(name="motor", kind="torque", link="l0"),
     )  # fmt: skip
     link = fl.Link(
         name="l0", length=p["length"], flex="z", segments=5, material="steel", section="s0",
@@ -139,7 +140,7 @@ def scene_of(p: Values, target: float) -> fl.Scene:
                     initial=fl.InitialState(joint_deg=(0.0,)))  # fmt: skip
 
 
-WRONG: dict[str, tuple[str, str]] = {  # the value of the truth that the scene misstates, and the path that should be named
+WRONG: dict[str, tuple[str, str]] = {  # the value that the scene misstates, and the path that should be named
     "dry friction": ("coulomb", "joint.coulomb"), "soft root": ("root", "root_stiffness"),
     "half payload": ("mass", "tip.mass"), "length": ("length", "length"), "taper": ("taper", "section.s0_tip"),
     "armature": ("armature", "joint.armature"), "air": ("drag", "drag.coefficient"),
@@ -152,20 +153,24 @@ SOUGHT = {"young": "material.steel.young", "viscous": "link.l0.joint.viscous", "
 
 def drawn(rng: np.random.Generator) -> Values:
     """Values of a bench."""
-    p = {"length": rng.uniform(0.4, 0.8), "height": rng.uniform(2.2e-3, 2.8e-3), "width": 0.03, "young": rng.uniform(1.85e11, 2.2e11),
-         "density": 7850.0, "loss": rng.uniform(2e-4, 1e-3), "mass": rng.uniform(0.1, 0.25),
-         "armature": rng.uniform(0.08, 0.12), "viscous": rng.uniform(0.15, 0.3), "kp": rng.uniform(35, 70),
-         "kd": rng.uniform(2, 3.5)}  # fmt: skip
+    ranges = {
+        "length": (0.4, 0.8), "height": (2.2e-3, 2.8e-3), "young": (1.85e11, 2.2e11), "loss": (2e-4, 1e-3),
+        "mass": (0.1, 0.25), "armature": (0.08, 0.12), "viscous": (0.15, 0.3), "kp": (35, 70), "kd": (2, 3.5),
+    }  # fmt: skip
+    p = {"width": 0.03, "density": 7850.0} | {name: rng.uniform(*ends) for name, ends in ranges.items()}
     return p | dict.fromkeys(("taper", "root", "inertia", "coulomb", "quadratic", "drag"), 0.0)
 
 
 def truth_of(kind: str, p: Values, rng: np.random.Generator) -> Values:
     """Values of the arm that was recorded, of which the scene states `p`."""
     stiffness = p["young"] * p["width"] * p["height"] ** 3 / 12 / p["length"]
-    lacks = {"coulomb": rng.uniform(0.1, 0.4), "root": stiffness * rng.uniform(5, 15), "mass": 2 * p["mass"],
-             "length": p["length"] * rng.choice([0.94, 1.06]), "taper": rng.uniform(0.15, 0.3), "armature": 1.4 * p["armature"],
-             "drag": rng.uniform(5, 15), "viscous": 3 * p["viscous"], "density": 1.15 * p["density"], "young": 0.85 * p["young"],
-             "inertia": 0.05 * p["mass"] * p["length"] ** 2, "quadratic": rng.uniform(0.1, 0.3)}  # fmt: skip
+    lacks = {
+        "coulomb": rng.uniform(0.1, 0.4), "root": stiffness * rng.uniform(5, 15), "mass": 2 * p["mass"],
+        "length": p["length"] * rng.choice([0.94, 1.06]), "taper": rng.uniform(0.15, 0.3),
+        "armature": 1.4 * p["armature"], "drag": rng.uniform(5, 15), "viscous": 3 * p["viscous"],
+        "density": 1.15 * p["density"], "young": 0.85 * p["young"],
+        "inertia": 0.05 * p["mass"] * p["length"] ** 2, "quadratic": rng.uniform(0.1, 0.3),
+    }  # fmt: skip
     return p | ({WRONG[kind][0]: lacks[WRONG[kind][0]]} if kind else {})
 
 
