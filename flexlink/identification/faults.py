@@ -63,7 +63,7 @@ class Fault(NamedTuple):
         late, later = ("late", "later") if size > 0 else ("early", "earlier")
         better = f"{self.run}{f': {self.column}' * bool(self.column)} is better explained"
         if self.cause is not None:
-            found = f" = {size:.3g} ± {wide}{unit}" if size else ""
+            found = "" if len(self.effect) else f" = {size:.3g} ± {wide}{unit}"  # a refit has no effect at a solution
             return Diagnostic(f"better explained by {self.cause.name}: fit {self.column}{found}", "likely-cause")
         return {
             "delay": Diagnostic(f"{better} {ms} {late}: {key}", "likely-delay"),
@@ -125,9 +125,10 @@ def best_refit(search: Search, found: Found, named: Sequence[Fault], tried: Sequ
     twice = 2.0  # a cause is tried if it could explain as much as others even if its score shows only half of that
     cost, fits = search.cost(found.x, [[white(block) for block in part] for part in found.blocks]), list[Refit]()
     causes_tried = [one for one in tried if one.cause is not None]
-    for one in sorted(causes_tried, key=lambda one: -one.score)[:TRIED]:
+    # scores are rounded: springs in series, as of root and gear, have the same one, and the first of the table is tried
+    for one in sorted(causes_tried, key=lambda one: -round(one.score, 1))[:TRIED]:
         least = min((fit.cost for _, _, fit in fits), default=cost)
-        if one.cause is not None and twice * one.score**2 / 2 > cost - least:
+        if one.cause is not None and twice * one.score**2 / 2 > cost - least:  # score²/2: expected change of the cost
             fits += _refitted(search, found, one.cause)
     fits = [fit for one in causes_tried for fit in fits if fit[0].column == one.column]  # in the order of the table
     fits += [fit for cause in _timings(search) for fit in _refitted(search, found, cause)]
@@ -304,7 +305,7 @@ def _selected(e: Array, J: Array, S: Array, most: int, physical: npt.NDArray[np.
         own = length > 1e-6 * size  # an effect that the parameters explain cannot be tested
         score = np.where(own, np.abs(left.T @ (e - basis @ (basis.T @ e))) / np.where(own, length, 1.0), 0.0)
         alike = physical & (score**2 >= AS_MUCH * score.max() ** 2)
-        best = int(np.where(alike, score, 0.0).argmax() if alike.any() else score.argmax())
+        best = int((alike if alike.any() else score).argmax())
         if score[best] < limit:
             break
         chosen.append(best)
