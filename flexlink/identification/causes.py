@@ -2,9 +2,10 @@
 
 import dataclasses
 import functools
+import itertools
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
@@ -19,15 +20,6 @@ from flexlink.identification.problem import FitParameter
 from flexlink.identification.signals import STEP, Signals
 
 
-class Row(NamedTuple):
-    """A row of `causes.toml`."""
-
-    name: str
-    path: str
-    of: str
-    tried: tuple[float, ...] = ()
-
-
 class Cause(NamedTuple):
     """One more unknown of the model: of the scene, or of the times of a run."""
 
@@ -39,49 +31,39 @@ class Cause(NamedTuple):
 
 def causes(signals: Signals, x: Array) -> Iterator[Cause]:
     """Physical causes that apply to the scenes at a point and that the problem neither estimates nor sets per run."""
-    every = range(len(signals.sources))
-    scenes = [signals.scene(k, point) for point in (x, x + STEP) for k in every]
-    seen = set[str]()
-    for row in _rows():
-        for number, link in enumerate(scenes[0].arm.links, 1):
-            path, added = _placed(row, scenes[0], link, number)
-            if path and path not in seen:
-                seen.add(path)
-                yield from _cause(row, link, path, added, scenes, signals.sources)
+    scenes, seen = [signals.scene(k, at) for at in (x, x + STEP) for k in range(len(signals.sources))], set[str]()
+    for row, link in itertools.product(_rows(), scenes[0].arm.links):
+        if {"joint": not link.joint.locked, "beam": link.flex != "rigid", "arm": True}[row["of"]]:
+            try:
+                one = _cause(row, link, scenes, signals.sources)
+            except FlexlinkError:  # the path does not exist on this arm
+                continue
+            if one is not None and one.unknown.path not in seen:
+                seen.add(one.unknown.path)
+                yield one
 
 
-def _placed(row: Row, scene: Scene, link: Link, number: int) -> tuple[str, dict[str, object]]:
-    """Path of a cause on a link, "" if it does not apply, and what the scene needs before the path can be set."""
-    applies = {"joint": not link.joint.locked, "beam": link.flex != "rigid", "arm": True}[row.of]
-    if not applies or ("{material}" in row.path and link.material is None):
-        return "", {}
-    if "{taper}" not in row.path:
-        return row.path.format(link=scene.arm.path(number), material=link.material), {}
-    section = scene.arm.sections.get(link.section or "")
-    if section is None or section.shape not in BREADTHS or link.section_tip is not None:
-        return "", {}
-    added = {f"section.{link.section}_tip": without_defaults(section),
-             f"{scene.arm.path(number)}.section_tip": f"{link.section}_tip"}  # fmt: skip
-    return f"section.{link.section}_tip.{BREADTHS[section.shape][1]}", added
-
-
-def _cause(
-    row: Row, link: Link, path: str, added: dict[str, object], scenes: Sequence[Scene], sources: Sequence[Source]
-) -> Iterator[Cause]:
-    try:
-        whole = [scene.varied(added) if added else scene for scene in scenes]
-        present = {scene.values_at(path)[0] for scene in whole}
-        now = present.pop()
-        tried = (0.8 * now, 1.25 * now) if now else tuple(row.tried)
-        if present or not tried:
-            return
-        unknown = coordinate_of(whole[0], FitParameter(path=path, start=tried[0], scale="log"))
-    except FlexlinkError:  # the path does not exist on this arm
-        return
+def _cause(row: dict[str, Any], link: Link, scenes: Sequence[Scene], sources: Sequence[Source]) -> Cause | None:
+    """A cause on a link; None if the link lacks what it changes, or if the scenes differ in its value."""
+    arm, added, taper = scenes[0].arm, dict[str, Any](), f"{link.section}_tip"
+    section = arm.sections.get(link.section or "")
+    on = {"link": arm.path(arm.number(link.name)), "material": link.material}
+    if "{taper}" in row["path"]:
+        if section is None or section.shape not in BREADTHS or link.section_tip is not None:
+            return None
+        added = {f"section.{taper}": without_defaults(section), f"{on['link']}.section_tip": taper}
+        on["taper"] = f"{taper}.{BREADTHS[section.shape][1]}"
+    path = row["path"].format(**on)
+    whole = [scene.varied(added) if added else scene for scene in scenes]
+    now, *others = {scene.values_at(path)[0] for scene in whole}
+    tried = (0.8 * now, 1.25 * now) if now else tuple(row.get("tried", ()))
+    if others or not tried:
+        return None
+    unknown = coordinate_of(whole[0], FitParameter(path=path, start=tried[0], scale="log"))
     own = [dataclasses.replace(one, scene=one.scene.varied(added)) if added else one for one in sources]
-    yield Cause(row.name.format(link=link.name, material=link.material), unknown, own, tried)
+    return Cause(row["name"].format(link=link.name, material=link.material), unknown, own, tried)
 
 
 @functools.cache
-def _rows() -> tuple[Row, ...]:
-    return tuple(Row(**one) for one in read_toml(Path(__file__).parent / "causes.toml")["cause"])
+def _rows() -> list[dict[str, Any]]:
+    return list(read_toml(Path(__file__).parent / "causes.toml")["cause"])

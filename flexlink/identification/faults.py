@@ -103,9 +103,9 @@ def warnings_of_faults(search: Search, found: Found) -> tuple[Diagnostic, ...]:
     """Warnings about what explains the residuals, physical causes first if they explain as much; and about outliers."""
     try:
         (named, tried), far = faults(search, found), outliers(search, found)
-        if (named or far) and (best := best_refit(search, found, named, tried)) is not None:
-            fault, search, found = best
-            named, far = [fault, *faults(search, found)[0]], outliers(search, found)
+        if (named or far) and (fits := best_refits(search, found, named, tried)):
+            _, search, found = fits[0]
+            named, far = [*(one for one, _, _ in fits), *faults(search, found)[0]], outliers(search, found)
     except FlexlinkError as error:
         return (Diagnostic(f"instruments and clocks not tested: {error}", "faults-untested"),)
     return (*far, *(one.text for one in named))
@@ -114,31 +114,30 @@ def warnings_of_faults(search: Search, found: Found) -> tuple[Diagnostic, ...]:
 Refit = tuple[Fault, Search, Found]  # what one more unknown is, and the fit with it
 
 
-def best_refit(search: Search, found: Found, named: Sequence[Fault], tried: Sequence[Fault]) -> Refit | None:
-    """The fit with the unknown that explains most, the first physical one of the table that explains as much.
+def best_refits(search: Search, found: Found, named: Sequence[Fault], tried: Sequence[Fault]) -> list[Refit]:
+    """Fits with the one unknown that explains most, and with others that explain as much, physical ones first.
 
     None if it is neither significant nor explains the data far better. What is wrong may move the estimates so far that
     tests at the solution do not recognise it.
     """
     better = 0.7  # largest cost with one more unknown, relative to the cost without it
-    hardly = 1.1  # largest cost with a physical cause that explains as much, relative to the least
-    twice = 2.0  # a cause is tried if it could explain as much as others even if its score shows only half of that
+    hardly = 1.1  # largest cost with an unknown that explains as much, relative to the least
     cost, fits = search.cost(found.x, [[white(block) for block in part] for part in found.blocks]), list[Refit]()
-    causes_tried = [one for one in tried if one.cause is not None]
+    physical = [one for one in tried if one.cause is not None]
     # scores are rounded: springs in series, as of root and gear, have the same one, and the first of the table is tried
-    for one in sorted(causes_tried, key=lambda one: -round(one.score, 1))[:TRIED]:
+    for one in sorted(physical, key=lambda one: -round(one.score, 1))[:TRIED]:
         least = min((fit.cost for _, _, fit in fits), default=cost)
-        if one.cause is not None and twice * one.score**2 / 2 > cost - least:  # score²/2: expected change of the cost
+        if (
+            one.cause is not None and one.score**2 > cost - least
+        ):  # twice the change of the cost that the score predicts
             fits += _refitted(search, found, one.cause)
-    fits = [fit for one in causes_tried for fit in fits if fit[0].column == one.column]  # in the order of the table
-    fits += [fit for cause in _timings(search) for fit in _refitted(search, found, cause)]
-    if not fits:
-        return None
-    least = min(fit.cost for _, _, fit in fits)
-    as_much = [fit for fit in fits if cost - fit[2].cost >= AS_MUCH * (cost - least) and fit[2].cost <= hardly * least]
-    best = next((fit for fit in as_much if fit[0].cause), min(fits, key=lambda fit: fit[2].cost))
-    shown = best[0].cause is not None and best[0].column in {one.column for one in named}
-    return best if shown or best[2].cost < better * cost else None
+    fits = [fit for one in physical for fit in fits if fit[0].column == one.column]  # in the order of the table
+    timed = (fit for cause in _timings(search) for fit in _refitted(search, found, cause))
+    fits += sorted(timed, key=lambda fit: fit[2].cost)
+    least = min((fit.cost for _, _, fit in fits), default=cost)
+    fits = [fit for fit in fits if cost - fit[2].cost >= AS_MUCH * (cost - least) and fit[2].cost <= hardly * least]
+    shown = {one.column for one in named if one.cause is not None}
+    return fits if fits and (fits[0][0].column in shown or least < better * cost) else []
 
 
 def _timings(search: Search) -> list[Cause]:

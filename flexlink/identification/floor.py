@@ -19,7 +19,7 @@ from flexlink.common.types import Array
 from flexlink.identification.block import Block, colour_of, noise_in, outlying
 from flexlink.identification.data import Source
 from flexlink.identification.fitted import FittedColumn
-from flexlink.identification.likelihood import Likelihood, Row
+from flexlink.identification.likelihood import Likelihood
 from flexlink.identification.problem import FitRun
 
 LEVEL = 0.001
@@ -70,47 +70,39 @@ def with_floors(
     columns: Sequence[FittedColumn], at: Likelihood, runs: Sequence[FitRun], checks: Sequence[Source]
 ) -> tuple[FittedColumn, ...]:
     """The columns, with the noise of the fitted ones, and whether their residuals are no more than that."""
-    found, of_run = {(one.source, one.name): one for one in columns}, {run.name: run for run in runs}
-    count = sum(row.block.t is not None for row in at.every)
-    for source, part in zip(at.sources, at.rows, strict=True):
-        own = of_run.get(source.name)
-        several = [one for one in (*at.sources, *checks) if one is not source and one.name in of_run]
-        again = [one for one in several if own is not None and of_run[one.name].set == own.set and not own.parameter]
-        for row in part if source.is_run else ():
-            floor = floor_of(row.block, row.y, [block for one in again for block in one.blocks])
-            key = source.name, row.block.name
-            found[key] = _judged(found[key], row, floor, LEVEL / count)
-    return tuple(found.values())
-
-
-def _judged(one: FittedColumn, row: Row, floor: Floor | None, level: float) -> FittedColumn:
     rounding = 1e-5  # smallest noise, relative to the range
-    residual = row.shown - row.block.y
-    residual = np.where(outlying(residual), 0.0, residual) * row.block.used  # other warnings name outliers
-    if not np.sqrt(np.mean(residual**2)) > rounding * np.ptp(row.block.y):
-        return dataclasses.replace(one, within=True)
-    if floor is None:
-        return one
-    tests = [*excess(residual, floor)]
-    within = all(scipy.special.fdtri(n, floor.freedom, 1 - level / len(tests)) >= F for F, n in tests)
-    return dataclasses.replace(one, floor=floor.σ, floor_from=floor.words, within=within)
+    found, of_run = {(one.source, one.name): one for one in columns}, {run.name: run for run in runs}
+    level = LEVEL / max(sum(row.block.t is not None for row in at.every), 1)
+    for source, row in ((source, row) for source, part in zip(at.sources, at.rows, strict=True) for row in part):
+        if source.name not in of_run:  # single measurements
+            continue
+        own, key = of_run[source.name], (source.name, row.block.name)
+        again = [one for one in (*at.sources, *checks) if one is not source and one.name in of_run]
+        again = [one for one in again if of_run[one.name].set == own.set and not own.parameter]
+        residual = (row.shown - row.block.y) * row.block.used
+        residual = np.where(outlying(residual), 0.0, residual)  # other warnings name outliers
+        floor = floor_of(row.block, row.y, [block for one in again for block in one.blocks])
+        if np.sqrt(np.mean(residual**2)) <= rounding * np.ptp(row.block.y):
+            found[key] = dataclasses.replace(found[key], within=True)
+        elif floor is not None:
+            tests = [*excess(residual, floor)]
+            within = all(scipy.special.fdtri(n, floor.freedom, 1 - level / len(tests)) >= F for F, n in tests)
+            found[key] = dataclasses.replace(found[key], floor=floor.σ, floor_from=floor.words, within=within)
+    return tuple(found.values())
 
 
 def warnings_of_floors(columns: Sequence[FittedColumn], named: Sequence[Diagnostic]) -> Iterator[Diagnostic]:
     """Warnings about columns that the model does not explain, and about those whose noise nothing shows."""
-    beyond = "parameters may be off by more than their intervals"
+    beyond, lacks = "parameters may be off by more than their intervals", "the model does not explain"
     above = [one for one in columns if one.within is False]
     for one in above:
-        text = f"the model does not explain {one.source}, {one.name}: {one.unexplained:.2g} % of the signal is left, "
+        text = f"{lacks} {one.source}, {one.name}: {one.unexplained:.2g} % of the signal is left, "
         times = one.off(one.after) / (one.floor or 1.0)
         yield Diagnostic(f"{text}{times:.2g} times its noise ({one.floor_from}); {beyond}", "not-explained")
     if named and not above:
-        text = "the model does not explain the data: what it leaves is no noise, but is"
-        yield Diagnostic(f"{text} {named[0]}; {beyond}", "not-explained")
+        yield Diagnostic(f"{lacks} the data, which are {named[0]}; {beyond}", "not-explained")
     fitted = [one for one in columns if one.use == "fit" and one.t is not None]
-    unknown = [f"{one.source}, {one.name}" for one in fitted if one.within is None]
+    unknown = " and ".join(f"{one.source}, {one.name}" for one in fitted if one.within is None)
     if unknown and not above and not named:
-        text = (
-            f"noise of {' and '.join(unknown)} is not known, so that only known causes and faults were looked for in "
-        )
-        yield Diagnostic(f"{text}what is left; state noise, or fit a repeated run as well", "noise-not-known")
+        text = f"noise of {unknown} is not known, so only known causes and faults were looked for in the residuals"
+        yield Diagnostic(f"{text}; state noise, or fit a repeated run as well", "noise-not-known")

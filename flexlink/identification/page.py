@@ -139,11 +139,12 @@ def _verdicts(fitted: Fitted) -> list[Verdict]:
 
 def _of_noise(fitted: Fitted) -> Verdict:
     """Whether what the model leaves is noise."""
-    ids = {"not-explained": ("fail", "not explained"), "noise-not-known": ("info", "noise not known")}
-    found = next((one for one in fitted.warnings if one.id in ids), None)
-    if found is None:
-        return Verdict("Residuals", "pass", "noise", "The residuals of fitted columns are no more than their noise.")
-    return Verdict("Residuals", *ids[found.id], f"{found[0].upper()}{found[1:]}.")
+    found = {one.id: f"{one[0].upper()}{one[1:]}." for one in reversed(fitted.warnings)}
+    if not fitted.explained:
+        return Verdict("Residuals", "fail", "not explained", found["not-explained"])
+    if "noise-not-known" in found:
+        return Verdict("Residuals", "info", "noise not known", found["noise-not-known"])
+    return Verdict("Residuals", "pass", "noise", "The residuals of fitted columns are no more than their noise.")
 
 
 def _beside_linear(ours: float, theirs: float) -> Verdict:

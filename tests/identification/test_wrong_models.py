@@ -8,6 +8,7 @@ from msgspec.structs import replace
 from scipy.signal import lfilter
 
 import flexlink as fl
+from flexlink.common.errors import Diagnostic
 from flexlink.identification.block import Block
 from flexlink.identification.causes import causes
 from flexlink.identification.coordinates import coordinates_of, guess_of
@@ -29,7 +30,7 @@ def measured(e: np.ndarray, **more: object) -> Block:
 
 def coloured(seed: int) -> np.ndarray:
     """Noise of standard deviation 1e-3 with a correlation of 0.8 between neighbours."""
-    return np.asarray(lfilter([0.6e-3], [1.0, -0.8], np.random.default_rng(seed).standard_normal(len(T))))
+    return np.asarray(lfilter([0.6e-3], [1.0, -0.8], np.random.default_rng(seed).standard_normal(len(T) + 99))[99:])
 
 
 class TestNoise:
@@ -61,7 +62,7 @@ class TestNoise:
         one = column("a", "fit", y, y, y + 0.1)
         assert one.unexplained == pytest.approx(10 / y.std())
         far, unknown = dataclasses.replace(one, floor=0.02, floor_from="as stated", within=False), one
-        for several, named in (((far,), []), ((one,), [fl.Diagnostic("better explained by x", "likely-cause")])):
+        for several, named in (((far,), []), ((one,), [Diagnostic("better explained by x", "likely-cause")])):
             (text,) = warnings_of_floors(several, named)
             assert text.id == "not-explained"
             reviewed("not-explained", text)
