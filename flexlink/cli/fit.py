@@ -114,7 +114,9 @@ def _print_fit(found: Fitted) -> None:
         off = f"RMS residual {column.off(column.before):.3g} → {column.off(column.after):.3g} {column.unit}"
         if column.linear is not None:
             off += f", free linear model {column.off(column.linear):.3g} {column.unit}"
-        print(f"{column.source}, {column.name} ({column.use}): {off}")
+        left = f", {column.unexplained:.2g} % of the signal unexplained" if np.isfinite(column.unexplained) else ""
+        left += f", noise {column.floor:.3g} {column.unit} {column.floor_from}" if column.floor is not None else ""
+        print(f"{column.source}, {column.name} ({column.use}): {off}{left}")
     print_lines("warning", found.warnings)
     if not found.better:
         print_lines("warning", [Diagnostic("the fitted scene has larger residuals than the initial one", "fit-worse")])

@@ -184,18 +184,22 @@ def unit_in(name: str) -> str:
 # Unequal bands show a motion, coloured noise, or a filter; the noise is then not determined.
 
 
+FEWEST = 60  # powers in a band: fewer do not distinguish white from coloured noise
+
+
 def with_noise_of_data(blocks: Sequence[Block]) -> list[Block]:
     """The blocks of a run; where the noise is neither stated nor coloured, it is estimated from the data."""
     return [block.with_deviation(noise_in(block)) for block in blocks]
 
 
-def noise_in(block: Block) -> float | None:
+def noise_in(block: Block, fewest: int = FEWEST) -> float | None:
     """Standard deviation of unstated white noise, from a column's longest even part; None if not well determined."""
     if block.stated or block.t is None:
         return None
     y = block.y[max(even_parts(block.t, UNEVEN), key=lambda part: part.stop - part.start)]
     n, good = np.arange(len(y)), ~_spikes(y)
-    return white_noise(np.interp(n, n[good], y[good]) if good.any() else y)  # outliers are replaced between neighbours
+    y = np.interp(n, n[good], y[good]) if good.any() else y  # outliers are replaced between neighbours
+    return white_noise(y, fewest)
 
 
 GAP, UNEVEN = 0.5, 0.1
@@ -210,11 +214,13 @@ def even_parts(t: Array, apart: float) -> list[slice]:
     return [slice(a, b) for a, b in itertools.pairwise(cuts)]
 
 
-def white_noise(y: Array) -> float | None:
-    """Standard deviation of the white noise in evenly spaced samples, shape (n,); None if it is not well determined."""
+def white_noise(y: Array, fewest: int = FEWEST) -> float | None:
+    """Standard deviation of the white noise in evenly spaced samples, shape (n,); None if it is not well determined.
+
+    Bands of fewer powers than `FEWEST` differ more by chance, by the root of their number.
+    """
     edges = (0.4, 0.6, 0.8, 0.995)  # of the bands, relative to the Nyquist frequency
-    fewest = 60  # powers in a band: fewer do not distinguish white from coloured noise
-    equal = 1.4  # largest ratio of the powers of two bands that count as equal
+    equal = 1.4  # largest ratio of the powers of two bands that count as equal, of FEWEST lines
     least = 1e-5  # smallest noise, relative to the range: less is rounding
     n = len(y)
     if n * (edges[1] - edges[0]) / 2 < fewest:
@@ -225,6 +231,7 @@ def white_noise(y: Array) -> float | None:
     far = 10.0  # medians: noise exceeds them once in a thousand times, unlike lines of mains hum
     sizes = [float(band[band <= far * np.median(band)].mean()) for band in bands]
     σ = math.sqrt(float(np.mean(sizes)) / float(window @ window))
+    equal **= math.sqrt(max(FEWEST / min(map(len, bands)), 1.0))
     return σ if 0 < max(sizes) < equal * min(sizes) and σ > least * float(np.ptp(y)) else None
 
 

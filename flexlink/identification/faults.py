@@ -1,11 +1,12 @@
-"""Score tests at the solution: faults of the instruments that explain what the model leaves.
+"""Score tests at the solution: physics that the scene lacks, and faults of instruments, that explain what is left.
 
     e = J θ + S δ + w        w = noise, whitened by AR models of the columns
 
 e are the residuals (model − measured)/σ, J their Jacobian with respect to all fitted parameters, and each column of S
-the effect of one fault: a delay −ẏ, a clock rate error −ẏ t, a late start, a bias 1, a gain y, a drift t. Faults enter
-one by one, the most significant first (forward selection), each by a t-test with Bonferroni's level. The AR models are
-those of the residuals that remain with all faults, so that a fault does not pass for noise.
+the effect of one fault: a delay −ẏ, a clock rate error −ẏ t, a late start, a bias 1, a gain y, a drift t, or a cause
+of `causes.toml`, y(with it) − y. Faults enter one by one, the most significant first (forward selection), a physical
+cause before others if it explains as much, each by a t-test with Bonferroni's level. The AR models are those of the
+residuals that remain with all faults, so that a fault does not pass for noise.
 """
 
 import itertools
@@ -13,12 +14,14 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 import scipy
 
 from flexlink.common.errors import Diagnostic, FlexlinkError
 from flexlink.common.types import Array
 from flexlink.data.csv_table import head_of
 from flexlink.identification.block import FAR, Colour, colour_of, outlying
+from flexlink.identification.causes import Cause, causes
 from flexlink.identification.coordinates import Timing, guess_of, timing_of
 from flexlink.identification.likelihood import Likelihood, likelihood, white
 from flexlink.identification.signals import Signals
@@ -31,10 +34,15 @@ With AR models from the same samples it is several times larger: with a level of
 """
 
 
-class Fault(NamedTuple):
-    """A fault of one column, or of the times of a run."""
+AS_MUCH = 0.95
+"""Smallest part of what the best explanation explains, with which a physical cause explains as much."""
+TRIED = 4  # number of physical causes with which the fit is repeated
 
-    kind: str  # delay, clock, start, bias, gain or drift
+
+class Fault(NamedTuple):
+    """A fault of one column, or of the times of a run; or a physical cause."""
+
+    kind: str  # delay, clock, start, bias, gain or drift; cause
     # run, column, unit: the run; its column, and unit of the column; "" for all columns
     run: str
     column: str
@@ -43,6 +51,8 @@ class Fault(NamedTuple):
     # size, deviation: estimated size, and its standard deviation
     size: float = 0.0
     deviation: float = 0.0
+    cause: Cause | None = None
+    score: float = 0.0  # root of the squared residuals that it explains by itself
 
     @property
     def text(self) -> Diagnostic:
@@ -52,6 +62,9 @@ class Fault(NamedTuple):
         rate = f"{100 * abs(size):.2g} ± {196 * self.deviation:.1g} % {'fast' if size > 0 else 'slow'}"
         late, later = ("late", "later") if size > 0 else ("early", "earlier")
         better = f"{self.run}{f': {self.column}' * bool(self.column)} is better explained"
+        if self.cause is not None:
+            found = "" if len(self.effect) else f" = {size:.3g} ± {wide}{unit}"  # a refit has no effect at a solution
+            return Diagnostic(f"better explained by {self.cause.name}: fit {self.column}{found}", "likely-cause")
         return {
             "delay": Diagnostic(f"{better} {ms} {late}: {key}", "likely-delay"),
             "start": Diagnostic(f"{better} if the scene starts {ms} {later}: start = 'unknown'", "likely-start"),
@@ -63,65 +76,96 @@ class Fault(NamedTuple):
         }["sign" if self.kind == "gain" and size < -1 else self.kind]
 
 
-def faults(search: Search, found: Found) -> list[Fault]:
-    """Faults that the residuals show at a solution, the most significant first, with their estimated sizes."""
+def faults(search: Search, found: Found) -> tuple[list[Fault], list[Fault]]:
+    """Faults that the residuals show at a solution, the most significant first, with their sizes; and all tried."""
     most = 3  # largest number of faults that are named
     whole = search.at(found.x, [[white(block) for block in part] for part in found.blocks])
     parts = zip(whole.sources, whole.rows, whole.jacobians, strict=True)
     runs = [pair for source, *of_source in parts if source.is_run for pair in zip(*of_source, strict=True)]
     if not runs:
-        return []
+        return [], []
     e = np.concatenate([np.where(outlying(row.residual), 0.0, row.residual) for row, _ in runs])
     J = np.vstack([slopes for _, slopes in runs])
-    tried = _best_sizes([*_candidates(whole)], e, J)
+    tried = _best_sizes([*_physical(search.signals, whole), *_candidates(whole)], e, J)
     S = np.column_stack([one.effect for one in tried])
     e, J, S = _whitened(e, J, S, [len(row.residual) for row, _ in runs])
-    chosen = _selected(e, J, S, most)
+    chosen = _selected(e, J, S, most, np.array([one.cause is not None for one in tried]))
     X = np.hstack([S[:, chosen], J])
     sizes, covariance = np.linalg.lstsq(X, e, rcond=None)[0], np.linalg.pinv(X.T @ X)
-    return [
+    named = [
         tried[k]._replace(size=-float(sizes[at]), deviation=float(np.sqrt(covariance[at, at])))
         for at, k in enumerate(chosen)
     ]
+    return named, tried
 
 
 def warnings_of_faults(search: Search, found: Found) -> tuple[Diagnostic, ...]:
-    """Warnings about faults of the instruments and clocks, and about outliers; or about tests that could not be run."""
+    """Warnings about what explains the residuals, physical causes first if they explain as much; and about outliers."""
     try:
-        named, far = faults(search, found), outliers(search, found)
-        runs = [source.name for source in search.signals.sources if source.is_run and (named or far)]
-        refitted = filter(None, [with_timing(search, found, run) for run in runs])
-        if (best := min(refitted, key=lambda one: one[2].cost, default=None)) is not None:
-            fault, search, found = best
-            named, far = [fault, *faults(search, found)], outliers(search, found)
+        (named, tried), far = faults(search, found), outliers(search, found)
+        if (named or far) and (fits := best_refits(search, found, named, tried)):
+            _, search, found = fits[0]
+            named, far = [*(one for one, _, _ in fits), *faults(search, found)[0]], outliers(search, found)
     except FlexlinkError as error:
         return (Diagnostic(f"instruments and clocks not tested: {error}", "faults-untested"),)
     return (*far, *(one.text for one in named))
 
 
-def with_timing(search: Search, found: Found, run: str) -> tuple[Fault, Search, Found] | None:
-    """Fit again with an unknown start or clock of a run, if that explains the data far better; from both guesses.
+Refit = tuple[Fault, Search, Found]  # what one more unknown is, and the fit with it
 
-    A late start moves the estimates so far that tests at the solution no longer recognise it.
+
+def best_refits(search: Search, found: Found, named: Sequence[Fault], tried: Sequence[Fault]) -> list[Refit]:
+    """Fits with the one unknown that explains most, and with others that explain as much, physical ones first.
+
+    None if it is neither significant nor explains the data far better. What is wrong may move the estimates so far that
+    tests at the solution do not recognise it.
     """
     better = 0.7  # largest cost with one more unknown, relative to the cost without it
-    plain = [[white(block) for block in part] for part in found.blocks]
-    best, least = None, better * search.cost(found.x, plain)
-    guess = guess_of(search.coordinates)
+    hardly = 1.1  # largest cost with an unknown that explains as much, relative to the least
+    cost, fits = search.cost(found.x, [[white(block) for block in part] for part in found.blocks]), list[Refit]()
+    physical = [one for one in tried if one.cause is not None]
+    # scores are rounded: springs in series, as of root and gear, have the same one, and the first of the table is tried
+    for one in sorted(physical, key=lambda one: -round(one.score, 1))[:TRIED]:
+        least = min((fit.cost for _, _, fit in fits), default=cost)
+        if (
+            one.cause is not None and one.score**2 > cost - least
+        ):  # twice the change of the cost that the score predicts
+            fits += _refitted(search, found, one.cause)
+    fits = [fit for one in physical for fit in fits if fit[0].column == one.column]  # in the order of the table
+    timed = (fit for cause in _timings(search) for fit in _refitted(search, found, cause))
+    fits += sorted(timed, key=lambda fit: fit[2].cost)
+    least = min((fit.cost for _, _, fit in fits), default=cost)
+    fits = [fit for fit in fits if cost - fit[2].cost >= AS_MUCH * (cost - least) and fit[2].cost <= hardly * least]
+    shown = {one.column for one in named if one.cause is not None}
+    return fits if fits and (fits[0][0].column in shown or least < better * cost) else []
+
+
+def _timings(search: Search) -> list[Cause]:
+    """Unknown starts and clocks of the runs, unless the problem estimates them."""
+    known, sources = {(one.timing, one.run) for one in search.coordinates}, search.signals.sources
     kinds: tuple[Timing, ...] = ("start", "clock")
-    for kind in kinds:
-        unknown = timing_of(kind, run)
-        if any((one.timing, one.run) == (kind, run) for one in search.coordinates):
-            continue
-        longer = Search(Signals(search.signals.sources, [*search.coordinates, unknown]), search.loss)
-        for start in (guess, found.x):
-            x = longer.least(np.append(start, 0.0), plain, rough=True)
-            cost = longer.cost(x, plain)
-            if cost < least:
-                least, wide = cost, float(np.sqrt(longer.at(x, plain).covariance[-1, -1]))
-                fault = Fault(kind, run, "", "", np.empty(0), unknown.value(float(x[-1])), unknown.value(wide))
-                best = fault, longer, Found(x, cost, plain)
-    return best
+    every = ((kind, one.name) for one in sources if one.is_run for kind in kinds)
+    return [Cause("", timing_of(kind, run), sources, (0.0,)) for kind, run in every if (kind, run) not in known]
+
+
+def _refitted(search: Search, found: Found, cause: Cause) -> list[Refit]:
+    """The fit with one more unknown, the better one from the initial guess and from the solution; none if it fails."""
+    most = 12  # number of evaluations, which are enough to tell causes apart
+    unknown, plain = cause.unknown, [[white(block) for block in part] for part in found.blocks]
+    longer = Search(Signals(cause.sources, [*search.coordinates, unknown]), search.loss)
+    starts = [np.append(x, unknown.x(cause.tried[0])) for x in (guess_of(search.coordinates), found.x)]
+    try:
+        found_x = [longer.least(start, plain, rough=True, most=most) for start in starts]
+        x = min(found_x, key=lambda x: longer.cost(x, plain))
+        wide = float(np.sqrt(longer.at(x, plain).covariance[-1, -1]))
+    except FlexlinkError:  # the scene cannot be simulated with it
+        return []
+    value = unknown.value(float(x[-1]))
+    fault = Fault(
+        unknown.timing or "cause", unknown.run, unknown.path, unknown.measured_in, np.empty(0), value,
+        unknown.size(value) * wide, cause if cause.name else None,
+    )  # fmt: skip
+    return [(fault, longer, Found(x, longer.cost(x, plain), plain))]
 
 
 def mixups(at: Likelihood) -> list[Diagnostic]:
@@ -160,6 +204,25 @@ def outliers(search: Search, found: Found) -> list[Diagnostic]:
                 text += f"{FAR:g} robust standard deviations off the model: loss = 'trimmed' leaves them out"
                 warnings.append(Diagnostic(text, "likely-outliers"))
     return warnings
+
+
+def _physical(signals: Signals, at: Likelihood) -> Iterator[Fault]:
+    """Physical causes, each with several sizes."""
+    for cause in causes(signals, at.x):
+        longer = Signals(cause.sources, [*signals.coordinates, cause.unknown])
+        points = [np.append(at.x, cause.unknown.x(value)) for value in cause.tried]
+        longer.ahead(points)
+        for value, point in zip(cause.tried, points, strict=True):
+            try:
+                model = longer.model(point)
+            except FlexlinkError:  # the scene cannot be simulated with it
+                continue
+            pairs = [
+                (row, y) for rows, part in zip(at.rows, model, strict=True) for row, y in zip(rows, part, strict=True)
+            ]
+            effect = [row.gain * (y - row.y) / row.block.σ for row, y in pairs if row.block.t is not None]
+            own = cause._replace(tried=(value,))
+            yield Fault("cause", "", cause.unknown.path, cause.unknown.measured_in, np.concatenate(effect), cause=own)
 
 
 def _candidates(at: Likelihood) -> Iterator[Fault]:
@@ -201,14 +264,14 @@ def _secants(t: Array, values: Array, moved: Sequence[tuple[float, Array]]) -> A
 def _best_sizes(tried: Sequence[Fault], e: Array, J: Array) -> list[Fault]:
     """Faults with one size each: the size whose effect explains the residuals best."""
     basis = np.linalg.qr(J)[0]
-    best: dict[tuple[str, str, str], tuple[float, Fault]] = {}
+    best: dict[tuple[str, str, str], Fault] = {}
     for one in tried:
         own = one.effect - basis @ (basis.T @ one.effect)
         score = abs(float(own @ e)) / (float(np.linalg.norm(own)) or 1.0)
         key = one.kind, one.run, one.column
-        if key not in best or score > best[key][0]:
-            best[key] = score, one
-    return [one for _, one in best.values()]
+        if key not in best or score > best[key].score:
+            best[key] = one._replace(score=score)
+    return list(best.values())
 
 
 def _whitened(e: Array, J: Array, S: Array, lengths: Sequence[int]) -> tuple[Array, Array, Array]:
@@ -230,8 +293,8 @@ def _scaled(colour: Colour) -> Callable[[Array], Array]:
     return lambda X: colour.whitened(X) / size
 
 
-def _selected(e: Array, J: Array, S: Array, most: int) -> list[int]:
-    """Numbers of the significant faults, by forward selection."""
+def _selected(e: Array, J: Array, S: Array, most: int, physical: npt.NDArray[np.bool_]) -> list[int]:
+    """Numbers of the significant faults, by forward selection, physical ones first if they explain as much."""
     basis, chosen = np.linalg.qr(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300))[0], list[int]()
     size = np.linalg.norm(S, axis=0)
     limit = scipy.special.stdtrit(max(len(e) - J.shape[1] - S.shape[1], 1), 1 - LEVEL / (2 * S.shape[1]))
@@ -240,7 +303,8 @@ def _selected(e: Array, J: Array, S: Array, most: int) -> list[int]:
         length = np.linalg.norm(left, axis=0)
         own = length > 1e-6 * size  # an effect that the parameters explain cannot be tested
         score = np.where(own, np.abs(left.T @ (e - basis @ (basis.T @ e))) / np.where(own, length, 1.0), 0.0)
-        best = int(score.argmax())
+        alike = physical & (score**2 >= AS_MUCH * score.max() ** 2)
+        best = int((alike if alike.any() else score).argmax())
         if score[best] < limit:
             break
         chosen.append(best)

@@ -19,9 +19,10 @@ from flexlink.identification.coordinates import Coordinate, coordinates_of, gues
 from flexlink.identification.data import sources_of
 from flexlink.identification.faults import mixups, warnings_of_faults
 from flexlink.identification.fitted import Estimate, Fitted
+from flexlink.identification.floor import warnings_of_floors, with_floors
 from flexlink.identification.identifiability import Check, checked
 from flexlink.identification.interval import Rise, estimates, profiled, spread_at, widened, without_ends
-from flexlink.identification.likelihood import in_two_steps, information_of
+from flexlink.identification.likelihood import in_two_steps, information_of, likelihood
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.remarks import hertz_in_rad_per_s, notes, ranges_apart, warnings, with_reasons
 from flexlink.identification.signals import Signals
@@ -168,8 +169,12 @@ def _fit(
     at_start = tuple(note for note in check.notes if note.id.startswith("likely-"))
     found_warnings = at_start + warnings(numbers, coordinates, after, found, columns, [*sources, *checks])
     found_warnings += errors.warnings(problem.scene, numbers)
-    if not systematic.warnings_of_inputs(numbers, errors.inputs):  # an error of the input resembles faults
-        found_warnings += warnings_of_faults(*(errors.refined or (search, best)))
+    finest, at_finest = errors.refined or (search, best)
+    columns = with_floors(columns, likelihood(finest.signals, at_finest.x, at_finest.blocks), problem.run, checks)
+    # an error of the input resembles faults
+    named = () if systematic.warnings_of_inputs(numbers, errors.inputs) else warnings_of_faults(finest, at_finest)
+    causes = [one for one in named if one.id not in ("faults-untested", "likely-outliers")]
+    found_warnings += (*named, *warnings_of_floors(columns, causes))
     covariance = systematic.covariance_of(coordinates, best.x, spread.covariance, errors.shifts)
     return Fitted(
         problem, problem.scene.varied(changes), numbers, spread.correlation, after, columns,

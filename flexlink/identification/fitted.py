@@ -142,6 +142,10 @@ class FittedColumn:
         Root mean square of the residuals, each divided by the standard deviation of its noise.
     whiteness
         P-value of the residuals' whiteness (Ljung-Box); nan for single measurements.
+    floor, floor_from
+        Standard deviation of the noise from elsewhere than the residuals, and from where; None and "" if not known.
+    within
+        Whether the residuals of a fitted column are no more than this noise; None if this cannot be told.
     """
 
     source: str
@@ -158,6 +162,9 @@ class FittedColumn:
     stated: bool
     times_noise: float
     whiteness: float
+    floor: float | None = None
+    floor_from: str = ""
+    within: bool | None = None
 
     @property
     def unit(self) -> str:
@@ -179,6 +186,11 @@ class FittedColumn:
             return math.nan
         spread = float(self.measured.std())
         return 100 * (1 - self.off(model) / spread) if spread else math.nan
+
+    @property
+    def unexplained(self) -> float:
+        """Share of the signal that the fitted scene leaves, |residual| / |measured − mean| [%]; nan as in `fit`."""
+        return 100 - self.fit(self.after)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -261,9 +273,14 @@ class Fitted:
         return self.check.passed and all(one.doubt is None for one in self.numbers)
 
     @property
+    def explained(self) -> bool:
+        """Whether nothing shows that the residuals are more than noise."""
+        return all(one.id != "not-explained" for one in self.warnings)
+
+    @property
     def passed(self) -> bool:
-        """Whether every parameter is known from the data or its prior, and the fit is no worse than the start."""
-        return self.check.passed and all(one.determined for one in self.numbers) and self.better
+        """Whether every parameter is known from the data or its prior, the data explained, and the fit no worse."""
+        return self.check.passed and all(one.determined for one in self.numbers) and self.better and self.explained
 
     def document(self) -> dict[str, Any]:
         """The result as plain numbers and texts, as in the JSON file."""
@@ -272,6 +289,7 @@ class Fitted:
             "passed": self.passed,
             "identifiable": self.identifiable,
             "better": self.better,
+            "explained": self.explained,
             "numbers": [dataclasses.asdict(one) | {"verdict": one.verdict} for one in self.numbers],
             "correlation": self.correlation.tolist(),
             "columns": [_of_column(one) for one in self.columns],
@@ -333,6 +351,7 @@ def _of_column(one: FittedColumn) -> dict[str, Any]:
         "off": {name: one.off(model) for name, model in models.items()},
         "fit": {name: one.fit(model) for name, model in models.items()},
         "gain": one.gain, "bias": one.bias, "noise": one.noise, "whiteness": one.whiteness,
+        "unexplained": one.unexplained, "floor": one.floor, "floor_from": one.floor_from, "within": one.within,
     }  # fmt: skip
 
 

@@ -134,7 +134,17 @@ def _verdicts(fitted: Fitted) -> list[Verdict]:
         ours, theirs = (float(np.mean([one.fit(model) for one, model in pairs])) for pairs in (
             [(one, one.after) for one in linear], [(one, one.linear) for one in linear]))  # fmt: skip
         found.append(_beside_linear(ours, theirs))
-    return found
+    return [*found, _of_noise(fitted)]
+
+
+def _of_noise(fitted: Fitted) -> Verdict:
+    """Whether what the model leaves is noise."""
+    found = {one.id: f"{one[0].upper()}{one[1:]}." for one in reversed(fitted.warnings)}
+    if not fitted.explained:
+        return Verdict("Residuals", "fail", "not explained", found["not-explained"])
+    if "noise-not-known" in found:
+        return Verdict("Residuals", "info", "noise not known", found["noise-not-known"])
+    return Verdict("Residuals", "pass", "noise", "The residuals of fitted columns are no more than their noise.")
 
 
 def _beside_linear(ours: float, theirs: float) -> Verdict:
@@ -180,12 +190,12 @@ def _data(fitted: Fitted) -> Part:
     lines = tuple(
         (one.source, one.name, one.use, one.off(one.before), one.off(one.after),
          None if one.linear is None else one.off(one.linear), *(_none(one.fit(m)) for m in (one.before, one.after,
-         one.linear)), one.gain, one.bias)
+         one.linear)), _none(one.unexplained), one.floor, one.floor_from or "not known", one.gain, one.bias)
         for one in fitted.columns
     )  # fmt: skip
     heads = (
         "source", "column", "use", "RMS before", "RMS after", "RMS free linear", "fit before [%]", "fit after [%]",
-        "fit free linear [%]", "gain", "bias",
+        "fit free linear [%]", "unexplained [%]", "noise", "noise is", "gain", "bias",
     )  # fmt: skip
     sentences: tuple[str, ...] = (
         "Fit is 1 − |residual| / |measured − mean|. RMS residuals are in the unit of the column.",

@@ -68,9 +68,10 @@ class Search:
         return [[_with(row, self.loss, coloured=coloured) for row in part] for part in rows]
 
     def least(
-        self, x: Array, blocks: Sequence[Sequence[Block]], *, rough: bool = False, held: int | None = None
-    ) -> Array:
-        """Minimum of the cost near a point; the coordinate `held` is fixed."""
+        self, x: Array, blocks: Sequence[Sequence[Block]], *, rough: bool = False, held: int | None = None,
+        most: int = 30,
+    ) -> Array:  # fmt: skip
+        """Minimum of the cost near a point; the coordinate `held` is fixed; a rough search has `most` evaluations."""
         free = np.arange(len(x)) != held
         if not free.any():
             return x
@@ -88,7 +89,7 @@ class Search:
         found = scipy.optimize.least_squares(
             lambda part: self._residual(whole(part), blocks), np.clip(x[free], *bounds),
             lambda part: self._jacobian(whole(part), blocks)[:, free], bounds=bounds, loss=loss, x_scale=1.0,
-            max_nfev=30 if rough else 100, ftol=change, xtol=max(smallest, change), gtol=change,
+            max_nfev=most if rough else 100, ftol=change, xtol=max(smallest, change), gtol=change,
         )  # fmt: skip
         return whole(np.asarray(found.x))
 

@@ -15,6 +15,7 @@ from scipy.signal import lfilter
 
 import flexlink as fl
 from flexlink.cli.main import main
+from flexlink.common.errors import Diagnostic
 from flexlink.identification import page, remarks, solve
 from flexlink.identification.block import Block, noise_in, outliers_in, white_noise
 from flexlink.identification.coordinates import Coordinate
@@ -48,7 +49,7 @@ NUMBERS = (
 
 
 def fitted_with(*columns: FittedColumn, check: Check = HELD, numbers: tuple[Estimate, ...] = NUMBERS) -> Fitted:
-    return Fitted(PROBLEM, SCENE, numbers, np.eye(2), check, columns, (), 1, ("mind this",), np.eye(2))
+    return Fitted(PROBLEM, SCENE, numbers, np.eye(2), check, columns, (), 1, (Diagnostic("mind this", "x"),), np.eye(2))
 
 
 def lines(tables: Sequence[Table], name: str) -> list[dict[str, Any]]:

@@ -1,0 +1,233 @@
+"""Fits to records of a continuous beam of another make, half of them with a scene that lacks or misstates something.
+
+    python -m tests.campaigns.random_fits 40
+
+The beam rotates about its root, w(x, t) = Σ φ_i(x) q_i(t) its deflection, φ_i the modes of cubic finite elements:
+
+    (J + qᵀ H q) θ̈ + cᵀ q̈ + 2 θ̇ qᵀ H q̇ = τ        c θ̈ + q̈ + K (q + T q̇) − θ̇² H q = f
+
+H is the mass matrix less the centrifugal stiffening. A record of a right model should pass; one of a wrong model
+should be told, or its estimates be within five standard deviations of the true values.
+"""
+
+import sys
+import time
+from collections import Counter
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy
+
+import flexlink as fl
+
+N, MODES, STEP, SAMPLE, LENGTH = 12, 4, 5e-4, 0.005, 1.5
+Values = dict[str, float]
+
+
+class Beam(NamedTuple):
+    """Matrices of a beam clamped to a turning root, or held by a spring there, in its first modes."""
+
+    K: np.ndarray
+    H: np.ndarray
+    c: np.ndarray
+    J: float
+    bend: np.ndarray  # curvature at the gauge, deflection and slope at the tip, of each mode
+    tip: np.ndarray
+    slope: np.ndarray
+    points: np.ndarray  # deflections of all nodes, for the air
+
+
+def beam(p: Values) -> Beam:
+    """Finite elements of a beam with a linear taper and a payload with rotary inertia."""
+    n, le = 2 * (N + 1), p["length"] / N
+    M, K, G = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
+    s, w = np.polynomial.legendre.leggauss(4)
+    for e in range(N):
+        at = slice(2 * e, 2 * e + 4)
+        for ξ, weight in zip((s + 1) / 2, w / 2 * le, strict=True):
+            x = (e + ξ) * le
+            h = p["height"] * (1 - p["taper"] * x / p["length"])
+            φ = np.array([1 - 3 * ξ**2 + 2 * ξ**3, le * (ξ - 2 * ξ**2 + ξ**3), 3 * ξ**2 - 2 * ξ**3, le * (ξ**3 - ξ**2)])
+            d = (
+                np.array([6 * ξ**2 - 6 * ξ, le * (1 - 4 * ξ + 3 * ξ**2), 6 * ξ - 6 * ξ**2, le * (3 * ξ**2 - 2 * ξ)])
+                / le
+            )
+            b = np.array([12 * ξ - 6, le * (6 * ξ - 4), 6 - 12 * ξ, le * (6 * ξ - 2)]) / le**2
+            mass = p["density"] * p["width"] * h
+            M[at, at] += weight * mass * np.outer(φ, φ)
+            K[at, at] += weight * p["young"] * p["width"] * h**3 / 12 * np.outer(b, b)
+            pull = mass_beyond(p, x) + p["mass"] * p["length"]
+            G[at, at] += weight * pull * np.outer(d, d)
+    M[-2, -2] += p["mass"]
+    M[-1, -1] += p["inertia"]
+    K[1, 1] += p["root"]
+    rigid = np.ravel([(k * le, 1.0) for k in range(N + 1)])
+    free = [*range(2, n)] if p["root"] == 0 else [*range(1, n)]
+    V = scipy.linalg.eigh(K[np.ix_(free, free)], M[np.ix_(free, free)], subset_by_index=(0, MODES - 1))[1]
+    full = np.zeros((n, MODES))
+    full[free] = V
+    gauge = 0.03 / le
+    b = np.array([12 * gauge - 6, le * (6 * gauge - 4), 6 - 12 * gauge, le * (6 * gauge - 2)]) / le**2
+    reduced = [full.T @ A @ full for A in (K, M - G)]
+    return Beam(*reduced, full.T @ M @ rigid, rigid @ M @ rigid, b @ full[:4], full[-2], full[-1], full[::2])
+
+
+def mass_beyond(p: Values, x: float) -> float:
+    """∫ x dm from a place to the end of the beam, which the rotation pulls outwards."""
+    s = np.linspace(x, p["length"], 20)
+    return float(np.trapezoid(p["density"] * p["width"] * p["height"] * (1 - p["taper"] * s / p["length"]) * s, s))
+
+
+def record(p: Values, target: float) -> dict[str, np.ndarray]:
+    """Columns of a step of the PD drive to a target [rad], without noise."""
+    one, m = beam(p), MODES
+    x = np.linspace(0, p["length"], N + 1)
+    dx = np.gradient(x) * np.r_[0.5, np.ones(N - 1), 0.5]
+
+    def torque(y: np.ndarray) -> float:
+        return p["kp"] * (target - y[0]) - p["kd"] * y[1]
+
+    def rate(y: np.ndarray) -> np.ndarray:
+        θ1, q, q1 = y[1], y[2 : 2 + m], y[2 + m :]
+        friction = p["viscous"] * θ1 + p["coulomb"] * np.tanh(θ1 / 0.01) + p["quadratic"] * abs(θ1) * θ1
+        Hq = one.H @ q
+        f, t = θ1**2 * Hq - one.K @ (q + p["loss"] * q1), torque(y) - friction - 2 * θ1 * (Hq @ q1)
+        if p["drag"]:
+            v = x * θ1 + one.points @ q1
+            air = -0.5 * 1.2 * p["drag"] * p["width"] * np.abs(v) * v * dx
+            f, t = f + one.points.T @ air, t + x @ air
+        a = (t - one.c @ f) / (one.J + p["armature"] + q @ Hq - one.c @ one.c)  # M = 1: modes are normalized
+        return np.concatenate([[θ1, a], q1, f - one.c * a])
+
+    y, found = np.zeros(2 + 2 * m), []
+    for k in range(round(LENGTH / STEP) + 1):
+        if k % round(SAMPLE / STEP) == 0:
+            q, q1, a = y[2 : 2 + m], y[2 + m :], rate(y)
+            found.append((
+                k * STEP, torque(y), -1e6 * p["height"] / 2 * one.bend @ q,
+                p["length"] * np.sin(y[0]) + one.tip @ q * np.cos(y[0]),
+                p["length"] * a[1] + one.tip @ a[2 + m :] - y[1] ** 2 * (one.tip @ q), y[1] + one.slope @ q1,
+            ))  # fmt: skip
+        k1 = rate(y)
+        k2 = rate(y + STEP / 2 * k1)
+        k3 = rate(y + STEP / 2 * k2)
+        y = y + STEP / 6 * (k1 + 2 * k2 + 2 * k3 + rate(y + STEP * k3))
+    heads = "t [s]", "motor [N m]", "gauge [µm/m]", "tip y [m]", "acc [m/s²]", "gyro [rad/s]"
+    return dict(zip(heads, np.array(found).T, strict=True))
+
+
+def scene_of(p: Values, target: float) -> fl.Scene:
+    """The scene that a user writes for these values; it has no root spring, taper, dry friction or air."""
+    on = {"link": "l0", "x": p["length"]}
+    sensors = (
+        fl.Sensor(name="gauge", kind="strain", link="l0", x=0.03, fibre=(p["height"] / 2, 0.0), gain=1e6, unit="µm/m"),
+        fl.Sensor(name="acc", kind="accelerometer", axis=(0, 1, 0), **on),
+        fl.Sensor(name="gyro", kind="gyroscope", axis=(0, 0, 1), **on),
+        fl.Sensor(name="motor", kind="torque", link="l0"),
+    )  # fmt: skip
+    link = fl.Link(
+        name="l0", length=p["length"], flex="z", segments=5, material="steel", section="s0",
+        joint=fl.Joint(armature=p["armature"], viscous=p["viscous"]),
+    )  # fmt: skip
+    arm = fl.Arm(
+        links=(link,), tip=fl.RigidBody(mass=p["mass"]),
+        materials={"steel": fl.Material(young=p["young"], density=p["density"], loss_time=p["loss"])},
+        sections={"s0": fl.Section(shape="rectangle", height=p["height"], width=p["width"])},
+    )  # fmt: skip
+    drive = fl.Drive(kind="pd", kp=(p["kp"],), kd=(p["kd"],), target_deg=(float(np.degrees(target)),))
+    run = fl.RunSettings(tolerance=1e-6, duration=LENGTH, sample=SAMPLE)
+    return fl.Scene(name="bench", arm=arm, gravity=(0, 0, 0), drive=drive, run=run, sensor=sensors,
+                    initial=fl.InitialState(joint_deg=(0.0,)))  # fmt: skip
+
+
+WRONG: dict[str, tuple[str, str]] = {  # the value that the scene misstates, and the path that should be named
+    "dry friction": ("coulomb", "joint.coulomb"), "soft root": ("root", "root_stiffness"),
+    "half payload": ("mass", "tip.mass"), "length": ("length", "length"), "taper": ("taper", "section.s0_tip"),
+    "armature": ("armature", "joint.armature"), "air": ("drag", "drag.coefficient"),
+    "viscous": ("viscous", "joint.viscous"), "density": ("density", "density"), "young": ("young", "young"),
+    "payload inertia": ("inertia", "no row"), "quadratic friction": ("quadratic", "no row"),
+}  # fmt: skip
+SOUGHT = {"young": "material.steel.young", "viscous": "link.l0.joint.viscous", "armature": "link.l0.joint.armature",
+          "mass": "tip.mass"}  # fmt: skip
+
+
+def drawn(rng: np.random.Generator) -> Values:
+    """Values of a bench."""
+    ranges = {
+        "length": (0.4, 0.8), "height": (2.2e-3, 2.8e-3), "young": (1.85e11, 2.2e11), "loss": (2e-4, 1e-3),
+        "mass": (0.1, 0.25), "armature": (0.08, 0.12), "viscous": (0.15, 0.3), "kp": (35, 70), "kd": (2, 3.5),
+    }  # fmt: skip
+    p = {"width": 0.03, "density": 7850.0} | {name: rng.uniform(*ends) for name, ends in ranges.items()}
+    return p | dict.fromkeys(("taper", "root", "inertia", "coulomb", "quadratic", "drag"), 0.0)
+
+
+def truth_of(kind: str, p: Values, rng: np.random.Generator) -> Values:
+    """Values of the arm that was recorded, of which the scene states `p`."""
+    stiffness = p["young"] * p["width"] * p["height"] ** 3 / 12 / p["length"]
+    lacks = {
+        "coulomb": rng.uniform(0.1, 0.4), "root": stiffness * rng.uniform(5, 15), "mass": 2 * p["mass"],
+        "length": p["length"] * rng.choice([0.94, 1.06]), "taper": rng.uniform(0.15, 0.3),
+        "armature": 1.4 * p["armature"], "drag": rng.uniform(5, 15), "viscous": 3 * p["viscous"],
+        "density": 1.15 * p["density"], "young": 0.85 * p["young"],
+        "inertia": 0.05 * p["mass"] * p["length"] ** 2, "quadratic": rng.uniform(0.1, 0.3),
+    }  # fmt: skip
+    return p | ({WRONG[kind][0]: lacks[WRONG[kind][0]]} if kind else {})
+
+
+def problem_of(seed: int, kind: str) -> tuple[fl.fits.FitProblem, Values]:
+    """A problem with two sought parameters, and their true values; half of the records have autocorrelated noise."""
+    rng = np.random.default_rng(seed)
+    p = drawn(rng)
+    sought = [
+        str(one) for one in rng.choice([one for one in SOUGHT if not kind or one != WRONG[kind][0]], 2, replace=False)
+    ]
+    true = truth_of(kind, p | {one: p[one] * rng.uniform(0.85, 1.15) for one in sought}, rng)
+    heads = rng.choice(
+        ["motor [N m]", "gauge [µm/m]", "tip y [m]", "acc [m/s²]", "gyro [rad/s]"], rng.integers(2, 4), replace=False
+    )
+    runs, coloured = [], rng.random(len(heads)) < 0.5
+    for name, target in (("a", 0.2), ("b", -0.15)):
+        exact = record(true, target)
+        columns = {"t [s]": exact["t [s]"]}
+        for head, filtered in zip(map(str, heads), coloured, strict=True):
+            e = rng.standard_normal(len(exact[head]) + 100)
+            e = scipy.signal.lfilter(*scipy.signal.butter(2, 0.25), e) if filtered else e
+            columns[head] = exact[head] + 0.01 * float(np.ptp(exact[head])) * e[100:] / e.std()
+        extra: dict[str, Any] = (
+            {} if name == "a" else {"use": "check", "set": {"drive.target_deg": [float(np.degrees(target))]}}
+        )
+        runs.append(
+            fl.fits.FitRun(name=name, columns={head: tuple(y.tolist()) for head, y in columns.items()}, **extra)
+        )
+    parameters = tuple(fl.fits.FitParameter(path=SOUGHT[one]) for one in sought)
+    return fl.fits.FitProblem(scene=scene_of(p, 0.2), parameter=parameters, run=tuple(runs)), {
+        SOUGHT[one]: true[one] for one in sought
+    }
+
+
+def main(count: int, first: int = 0) -> None:
+    """Fit the records; print a line for each, then the shares."""
+    kinds, shares = list(WRONG), Counter[str]()
+    for seed in range(first, first + count):
+        kind = kinds[seed // 2 % len(kinds)] if seed % 2 else ""
+        problem, true = problem_of(seed, kind)
+        begun = time.process_time()
+        found = fl.fit(problem)
+        far = max(abs(found[path].value - value) / found[path].deviation for path, value in true.items())
+        named = [str(one) for one in found.warnings if one.id.startswith("likely-")]
+        told = not found.explained or any(one.doubt for one in found.numbers)
+        shares[f"{'wrong' if kind else 'right'}"] += 1
+        shares["right, explained"] += not kind and found.explained
+        shares["wrong, told or within 5"] += bool(kind) and (told or far < 5)
+        shares["wrong, silent beyond 5"] += bool(kind) and not told and far >= 5
+        row = bool(kind) and WRONG[kind][1] != "no row"
+        shares["told, with a row"] += row and not found.explained
+        shares["cause first"] += row and bool(named) and WRONG[kind][1] in named[0]
+        floors = [f"{one.floor_from or 'unknown'} {one.within}" for one in found.columns if one.use == "fit"]
+        print(f"{seed:4} {kind or 'right':18} {'explained' if found.explained else 'told':9} off {far:5.1f} "
+              f"{time.process_time() - begun:5.1f} s  {floors} {named}", flush=True)  # fmt: skip
+    print(dict(shares))
+
+
+if __name__ == "__main__":
+    main(*map(int, sys.argv[1:]))
