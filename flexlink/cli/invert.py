@@ -46,7 +46,8 @@ def _document(found: Inversion, beside: ShapedMove, shaper: str) -> dict[str, ob
         "scene": found.scene.name, "starts_s": found.starts, "ends_s": found.ends,
         "starts_before_s": found.starts_before, "ends_after_s": found.ends_after,
         "largest_torques": {f"{name} [{unit}]": x for name, unit, x in _torques(found)}, "tip_error_m": found.error,
-        "residual_m": found.residual, "distance_m": found.distance, "settles_s": found.settles, "met": found.met,
+        "residual_m": found.residual, "distance_m": found.distance, "beam_error_m": found.beam_error,
+        "settles_s": found.settles, "met": found.met,
         "shaped": {"kind": shaper, "lag_m": beside.lag, "settles_s": beside.settles},
     }  # fmt: skip
 
@@ -57,6 +58,8 @@ def _print(found: Inversion, beside: ShapedMove, shaper: str) -> None:
     print(f"largest torques: {', '.join(f'{name} {x:.4g} {unit}' for name, unit, x in _torques(found))}")
     error, after, distance = (f"{1e3 * x:.3g} mm" for x in (found.error, found.residual, found.distance))
     print(f"tip error of the nonlinear run: {error}, after the move {after}; in all directions {distance}")
+    beam = f"{1e3 * found.beam_error:.3g} mm" if np.isfinite(found.beam_error) else "not known"
+    print(f"tip error of a continuous beam, from a run with more hinges: {beam}")
     within = f"within {1e3 * found.tolerance:g} mm"
     print(f"{within}: {_settles(found.settles)}")
     lags = f"lags by {1e3 * beside.lag:.3g} mm"
