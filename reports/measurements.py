@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.common.types import Array
-from flexlink.common.wording import plural
 from flexlink.pages.numbers import number
 from flexlink.pages.tables import Table
 from reports.results import Results
@@ -20,7 +19,7 @@ from validation.store import Series
 WHAT = "measured"  # `what` of the series of measured cases
 HEADS = (
     "measured", "quantities", "error E / D, nothing fitted", "agree", "error E / D, held out", "agree, held out",
-    "accuracy shown", "cannot decide",
+    "accuracy shown, ±", "cannot decide",
 )  # fmt: skip
 WORDS = (
     "E = S − D is the error of the simulation S against the measurement D. The validation uncertainty is "
@@ -183,7 +182,7 @@ def expectation(every: Sequence[Group]) -> str:
         f"your arm fitted to a few readings, {_rms_span(held_out)} (largest {_largest(held_out)}): of those "
         f"held out, {whole.held_out.counts} agree, which shows an accuracy of ± {_shown(held_out)}. "
         f"Not predicted: {not_predicted or 'nothing that was measured'}. "
-        f"{plural(lines_of(every).undecided, 'reading')} cannot decide and are not counted."
+        f"Not counted: {lines_of(every).undecided} that are too uncertain to decide."
     )
 
 
@@ -212,9 +211,9 @@ def groups_of(case: str, title: str, series: Series) -> Iterator[Group]:
         yield Group(case, title.partition(":")[0], name, {key: c[of == name] for key, c in series.columns.items()})
 
 
-def table(results: Results) -> Table | None:
-    """One line per group; None if the study has no measured case."""
-    lines = tuple(_line(group) for group in groups(results))
+def table(groups: Iterable[Group]) -> Table | None:
+    """One line per group; None if there is none."""
+    lines = tuple(map(_line, groups))
     return Table("measurements", "Validation: comparison with measurements", HEADS, lines, (WORDS,)) if lines else None
 
 

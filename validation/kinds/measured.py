@@ -16,7 +16,7 @@ from flexlink.identification import fitted
 from flexlink.identification.problem import FitParameter
 from validation.case import Case, Measured
 from validation.kinds import kind
-from validation.measured import two_link, two_link_ringing
+from validation.measured import stored, two_link, two_link_ringing
 from validation.measured.measurements import MEASUREMENTS, Measurement
 from validation.measured.one_number import Candidate, Choice, OneNumber, Study, choose
 from validation.measured.readings import Reading
@@ -39,6 +39,14 @@ class Input(Spec, frozen=True, kw_only=True):
     reason: str
 
 
+class Uncertain(Spec, frozen=True, kw_only=True):
+    """An input of the model known only from a drawing: anything between `low` and `high`; `path` is its key."""
+
+    path: str
+    low: float
+    high: float
+
+
 class MeasuredSettings(Spec, frozen=True, kw_only=True):
     """The measurement, a file of `validation/measured/`; hinges of each link on the coarsest grid; inputs by name.
 
@@ -46,6 +54,8 @@ class MeasuredSettings(Spec, frozen=True, kw_only=True):
     resolve. `order` is the order of the lumping rule. `rounding` is the smallest relative error assumed for S.
     `draws` is the number of random inputs for the second way to the uncertainties; 0 leaves it out.
     `refits` are values of each quantity with inputs fitted to different data; their scatter is then u_input.
+    `drawing` are inputs as a drawing leaves them, by the same rule for all specimens: a root that may yield by 1/20 of
+    L / EI, E and thickness to 5 %, masses to 1 %.
     """
 
     measurement: str
@@ -57,6 +67,7 @@ class MeasuredSettings(Spec, frozen=True, kw_only=True):
     draws: int = 0
     one_number: OneNumber | None = None
     refits: dict[str, list[float]] = {}  # noqa: RUF012  msgspec copies it
+    drawing: dict[str, Uncertain] = {}  # noqa: RUF012
 
 
 class _Simulated(NamedTuple):
@@ -118,7 +129,14 @@ def measured(case: Case, settings: MeasuredSettings) -> Iterator[Measured | Seri
         yield from _of_held_out(group, {name: each for name, each in held_out.items() if readings[name].group == group})
     rows = [_row(name, readings[name].group, readings[name].unit, each, held_out) for name, each in compared.items()]
     rows += [_row(each.name, each.of, "1", each.compared(settings.wanted[each.of]), {}) for each in trends.values()]
-    yield Series("measured", case.title, table(COLUMNS, rows), "quantity", "", "E", group="group")
+    columns = table(COLUMNS, rows)
+    yield Series("measured", case.title, columns, "quantity", "", "E", group="group")
+    yield Measured("differs from what the site shows", stored.difference(case.name, columns))
+    if settings.drawing:
+        ends = [
+            [simulated.predict(1, {each.path: x}) for x in (each.low, each.high)] for each in settings.drawing.values()
+        ]
+        yield from _intervals({name: every[name] for name in measurement.readings()}, simulated.grids[0], ends)
     if settings.draws:
         yield from _second_way(case, settings, measurement, simulated, every)
 
@@ -278,6 +296,25 @@ def _agreement(
     worst = max(off, key=lambda name: off[name])
     note = f"{part} of “{worst}” = {first[worst]:.3g}, a second way ({how}) {second[worst]:.3g}: most of {len(off)}."
     return Measured("second way", off[worst], varied={"part": part}, note=note)
+
+
+def _intervals(
+    every: Mapping[str, Comparison], coarse: Mapping[str, float], ends: Sequence[Sequence[Mapping[str, float]]]
+) -> Iterator[Measured]:
+    """Yield the share of readings in the 95 % interval of a prediction from a drawing, and its width.
+
+    `ends` are the predictions on the coarsest grid at both limits of each input, between which it is rectangular.
+    """
+    inside, widths = [], []
+    for name, c in every.items():
+        middle = c.simulated + sum((low[name] + high[name]) / 2 - coarse[name] for low, high in ends)
+        parts = [standard(abs(high[name] - low[name]) / 2) for low, high in ends]
+        half = COVERAGE * math.hypot(*parts, c.convergence.u_num, c.u_measured)
+        inside.append(abs(c.measured - middle) <= half)
+        widths.append(half / abs(c.measured))
+    note = f"{sum(inside)} of {len(inside)}."
+    yield Measured("share of readings in the interval of a drawing", float(np.mean(inside)), note=note)
+    yield Measured("half width of the interval of a drawing", float(np.median(widths)))
 
 
 def _held_out(
@@ -448,17 +485,17 @@ def _fits(run: Run, window: Window, model: Sequence[Array]) -> list[float]:
     return [fit_percent(y[there], given[there]) for y, given in zip(run.strains, model, strict=True)]
 
 
-def _identified(stored: Scene, split: Split, found: fitted.Fitted) -> Iterator[Measured]:
+def _identified(known: Scene, split: Split, found: fitted.Fitted) -> Iterator[Measured]:
     """Compare the parameters that `fl.fit` finds with the stored ones, and count those that the data determine."""
     sought = [one for one in found.numbers if one.path]
     for one in sought:
-        (value,) = stored.values_at(one.path)
+        (value,) = known.values_at(one.path)
         note = f"Found {one.value:.4g} ({one.low:.3g} … {one.high:.3g}), stored {value:.4g}: {one.verdict}."
         facts = {"situation": f"{one.path}; identified on {split.fitted.name}"}
-        yield Measured("identified / stored − 1", abs(one.value / value - 1), stored.name, varied=facts, note=note)
+        yield Measured("identified / stored − 1", abs(one.value / value - 1), known.name, varied=facts, note=note)
     count = sum(one.doubt is None for one in sought)
     facts = {"situation": f"identified on {split.fitted.name}"}
-    yield Measured("parameters that the data determine", count, stored.name, varied=facts)
+    yield Measured("parameters that the data determine", count, known.name, varied=facts)
 
 
 def _scattered(identified: Sequence[Scene]) -> Iterator[Measured]:
