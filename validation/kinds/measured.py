@@ -227,13 +227,13 @@ def _of_trend(trend: Trend) -> Measured:
 def _of_held_out(group: str, found: Mapping[str, Comparison]) -> Iterator[Measured]:
     """Yield how the readings of a group that were held out agree; those that cannot be decided are not counted."""
     decided = [c for c in found.values() if c.verdict != VERDICTS[2]]
-    if not decided:
+    if not found:
         return
     agree = [c for c in decided if c.verdict == VERDICTS[0]]
     left = f"; {len(found) - len(decided)} more cannot be decided" if len(decided) < len(found) else ""
     note = f"{len(agree)} of {len(decided)}{left}."
     yield Measured(f"agree when held out, {group}", len(agree), note=note)
-    yield Measured(f"root mean square of E / D when held out, {group}", _rms(decided))
+    yield Measured(f"root mean square of E / D when held out, {group}", _rms(decided) if decided else math.nan)
     if agree:
         shown = [100 * COVERAGE * c.u_val / abs(c.measured) for c in agree]
         note = f"From ± {min(shown):.2g} to ± {max(shown):.2g} %."

@@ -625,6 +625,20 @@ def test_a_wrong_tolerance_of_the_readings_fails_the_second_way(monkeypatch: pyt
     assert off() > 0.2
 
 
+def test_the_interval_of_a_drawing_contains_95_percent_of_readings_of_arms_within_it() -> None:
+    """True inputs are anywhere in their ranges; one of them only softens the arm, so the middle is shifted."""
+    rng, slopes = np.random.default_rng(6), np.array([-6.0, 3.0, 2.0])
+    every = {}
+    for k in range(2000):
+        D = 100.0 + slopes @ (rng.random(3) - [0.0, 0.5, 0.5]) + 0.5 * rng.standard_normal()
+        every[f"arm {k}"] = Comparison(100.0, D, Convergence(2.0, 0.0), 0.0, 0.5, 10.0)
+    coarse = dict.fromkeys(every, 99.0)
+    ends = [[dict.fromkeys(every, 99.0 + x) for x in pair] for pair in ((-6.0, 0.0), (-1.5, 1.5), (1.0, -1.0))]
+    share, width = kind._intervals(every, coarse, ends)
+    assert 0.95 <= share.value < 0.995  # a sum of few rectangles has shorter tails than a normal distribution
+    assert width.value == pytest.approx(2 * math.hypot(*slopes / math.sqrt(12), 0.5) / 98.5, rel=0.02)
+
+
 def test_scatter_beyond_the_reading_error_widens_the_prediction_of_held_out_readings() -> None:
     """Relative errors of 2 % on readings of 0.5 %: half of the modes predict the others, 95 % of which are inside."""
     rng, inside, scatters = np.random.default_rng(4), [], []
