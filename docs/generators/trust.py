@@ -1,4 +1,4 @@
-"""Comparison of the model with measured arms, for the page that says how far a prediction can be trusted."""
+"""Comparison of the model with measured arms, for the page on how far a prediction can be trusted."""
 
 from __future__ import annotations
 

@@ -219,7 +219,7 @@ def _of_group(group: str, found: list[Comparison], pooled: Collection[str]) -> I
 def _of_trend(trend: Trend) -> Measured:
     note = (
         f"Measured over computed trend: {trend.factor:.3f} ± {COVERAGE * trend.u:.3f}, pooled over {trend.freedom} "
-        f"ratios with their common errors; misfit χ² = {trend.misfit:.1f} for as many degrees of freedom."
+        f"ratios with their common errors; misfit χ² = {trend.misfit:.1f}, expected {trend.freedom}."
     )
     return Measured("measured / computed trend", trend.factor, varied={"situation": trend.name}, note=note)
 
