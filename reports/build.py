@@ -157,7 +157,7 @@ def _same(study: Results, out: Path, beside_full: Path | None) -> Table | None:
 
 def _measurements(study: Results, out: Path) -> Table | None:
     """The model compared with measurements, one line per group of quantities; None without measured cases."""
-    found = measurements.table(study)
+    found = measurements.table(measurements.groups(study))
     if found is not None:
         write_text(out / f"{found.name}.csv", found.csv)
     return found

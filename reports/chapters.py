@@ -72,7 +72,7 @@ class Wanted(Spec, frozen=True):
 
 
 class Number(Spec, frozen=True):
-    """A key number on the first screen: its label, and one or two values."""
+    """A key number on the first screen: its label, and its values."""
 
     label: str
     value: tuple[Wanted, ...]

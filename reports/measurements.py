@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import math
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,21 +13,54 @@ from flexlink.common.types import Array
 from flexlink.pages.numbers import number
 from flexlink.pages.tables import Table
 from reports.results import Results
-from reports.wording import displayed
 from validation.measured.uncertainty import VERDICTS
 from validation.store import Series
 
 WHAT = "measured"  # `what` of the series of measured cases
-HEADS = ("measured", "quantities", "error E / D", "uncertainty u_val / D", *map(displayed, VERDICTS))
+HEADS = (
+    "measured", "quantities", "error E / D, nothing fitted", "agree", "error E / D, held out", "agree, held out",
+    "accuracy shown, ±", "cannot decide",
+)  # fmt: skip
 WORDS = (
     "E = S − D is the error of the simulation S against the measurement D. The validation uncertainty is "
     "u_val² = u_num² + u_input² + u_D²: discretization (grid convergence index), tolerances of the specimen, and the "
-    "measurement. Nothing was fitted for these verdicts, except for the laboratory arm: two root stiffnesses, a "
-    "damping ratio, the tilt of its axes, the position of the second axis, and gains and offsets of the strain gauges; "
-    "its u_input is the covariance of that fit. Validated: |E| ≤ 2 u_val. This shows an accuracy of ± 2 u_val, however "
-    "small E is. Not validated: |E| > 2 u_val, so the error of the model or of the specimen data exceeds the "
-    "uncertainty. Cannot be decided: 2 u_val is larger than the required accuracy."
+    "measurement. A quantity agrees if |E| ≤ 2 u_val; this shows an accuracy of ± 2 u_val, however small E is. If not, "
+    "the error of the model or of the specimen data exceeds the uncertainty. Where 2 u_val is larger than the required "
+    "accuracy, agreement decides nothing, and the quantity is not counted. Held out: one number of the specimen was "
+    "chosen and fitted in one half of the readings, and this half predicts the other; every reading is held out once. "
+    "The laboratory arm is compared with ten numbers fitted, and u_input is the scatter of four such fits."
 )
+
+
+LARGE = (
+    10.0  # root mean square of E / D [%], the most that a case wants; above, a group that disagrees is not predicted
+)
+
+
+class Line(NamedTuple):
+    """How quantities agree, nothing fitted or held out: errors E / D [%] and accuracy 2 u_val / |D| [%] of each.
+
+    Quantities that cannot be decided are left out.
+    """
+
+    error: Array
+    accuracy: Array
+    agrees: NDArray[np.bool_]
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the errors [%]."""
+        return math.sqrt(float(np.mean(self.error**2)))
+
+    @property
+    def counts(self) -> str:
+        """How many agree of how many."""
+        return f"{self.agrees.sum()} of {len(self.agrees)}"
+
+    @property
+    def most_agree(self) -> bool:
+        """Whether most of the quantities agree."""
+        return bool(2 * self.agrees.sum() > len(self.agrees))
 
 
 class Group(NamedTuple):
@@ -49,56 +83,119 @@ class Group(NamedTuple):
         found: Array = 100 * self.columns["u_val"] / np.abs(self.columns["D"])
         return found
 
+    @property
+    def free(self) -> Line:
+        """Quantities with nothing fitted; none if the inputs of the scene were fitted."""
+        fitted = np.array_equal(self.columns["held out S"], self.columns["S"])
+        verdicts = self.columns["verdict"]
+        return _decided(self.error, 2 * self.u_val, np.full_like(verdicts, "") if fitted else verdicts)
 
-class Counts(NamedTuple):
-    """Numbers of measured quantities that are validated, not validated, and undecided."""
+    @property
+    def held_out(self) -> Line:
+        """Quantities predicted by a number that was fitted to others."""
+        D, S, u = (self.columns[name] for name in ("D", "held out S", "held out u_val"))
+        return _decided(100 * (S - D) / D, 200 * u / np.abs(D), self.columns["held out verdict"])
 
-    validated: int
-    not_validated: int
+    @property
+    def last(self) -> Line:
+        """Quantities held out, or with nothing fitted if none were."""
+        return self.held_out if len(self.held_out.error) else self.free
+
+    @property
+    def predicted(self) -> bool:
+        """Whether most quantities agree, with a number fitted if there is one, or errors are small."""
+        return not len(self.last.error) or self.last.most_agree or self.last.rms <= LARGE
+
+    @property
+    def undecided(self) -> int:
+        """Number of quantities that neither way can decide."""
+        none = np.isin(self.columns["verdict"], ("", VERDICTS[2]))
+        return int((none & np.isin(self.columns["held out verdict"], ("", VERDICTS[2]))).sum())
+
+
+def _decided(error: Array, accuracy: Array, verdicts: NDArray[np.str_]) -> Line:
+    decided = np.isin(verdicts, VERDICTS[:2])
+    return Line(error[decided], accuracy[decided], verdicts[decided] == VERDICTS[0])
+
+
+class Lines(NamedTuple):
+    """Quantities compared with nothing fitted, the same held out, and how many cannot be decided in either way."""
+
+    free: Line
+    held_out: Line
     undecided: int
 
     @property
-    def all(self) -> int:
-        """Number of quantities."""
-        return sum(self)
-
-    @property
-    def all_validated(self) -> bool:
-        """Whether all counted quantities are validated."""
-        return self.validated == self.all
+    def all_agree(self) -> bool:
+        """Whether all decided quantities agree with nothing fitted."""
+        return bool(self.free.agrees.all()) and not self.undecided
 
     @property
     def brief(self) -> str:
         """The counts in a few words."""
-        return f"{self.validated} of {self.all} validated"
-
-    @property
-    def sentence(self) -> str:
-        """The counts in a sentence."""
-        return (
-            f"{self.validated} of {self.all} measured quantities agree with the model within the uncertainty, "
-            f"{self.not_validated} do not, and {self.undecided} cannot be decided: their "
-            "uncertainty exceeds the required accuracy."
-        )
+        parts = [(self.free, "agree"), (self.held_out, "agree with one number fitted")]
+        return ", ".join(f"{line.counts} {words}" for line, words in parts if len(line.agrees)) or "nothing decided"
 
 
-def counts_of(verdicts: Iterable[str]) -> Counts | None:
-    """How often each verdict of `VERDICTS` occurs; None without verdicts."""
-    found = list(verdicts)
-    return Counts(*(found.count(verdict) for verdict in VERDICTS)) if found else None
+def lines_of(groups: Iterable[Group]) -> Lines:
+    """The lines of some groups together."""
+    every = list(groups)
+    return Lines(
+        _joined(group.free for group in every),
+        _joined(group.held_out for group in every),
+        sum(group.undecided for group in every),
+    )
 
 
-def total(results: Results) -> Counts | None:
-    """Counts over all measured cases; None without measured cases."""
-    return counts_of(verdict for group in groups(results) for verdict in group.columns["verdict"].tolist())
+def _joined(lines: Iterable[Line]) -> Line:
+    every = list(lines)
+    return Line(*(np.concatenate(part) for part in zip(*every, strict=True)))
 
 
-def by_case(results: Results) -> dict[str, Counts]:
-    """Counts by case."""
-    verdicts: dict[str, list[str]] = {}
+def by_case(results: Results) -> dict[str, Lines]:
+    """Lines by case."""
+    found: dict[str, list[Group]] = {}
     for group in groups(results):
-        verdicts.setdefault(group.case, []).extend(group.columns["verdict"].tolist())
-    return {case: counts for case, found in verdicts.items() if (counts := counts_of(found))}
+        found.setdefault(group.case, []).append(group)
+    return {case: lines_of(of) for case, of in found.items()}
+
+
+def expectation(every: Sequence[Group]) -> str:
+    """What to expect of the prediction of a real arm, each number from the measured cases."""
+    predicted = [group for group in every if group.predicted]
+    specimens = [
+        lines_of(one for one in predicted if one.case == case)
+        for case in dict.fromkeys(each.case for each in predicted)
+    ]
+    free, held_out = (
+        [of for lines in specimens if len((of := getattr(lines, name)).error)] for name in Lines._fields[:2]
+    )
+    whole = lines_of(predicted)
+    not_predicted = ", ".join(
+        f"{each.name} (error {number(each.last.rms, 2)} %, {each.last.counts} agree)"
+        for each in every
+        if not each.predicted
+    )
+    return (
+        f"From a drawing, expect errors of {_rms_span(free)} (root mean square, by specimen; largest "
+        f"{_largest(free)}): {whole.free.counts} quantities agree within their uncertainty. With one number of "
+        f"your arm fitted to a few readings, {_rms_span(held_out)} (largest {_largest(held_out)}): of those "
+        f"held out, {whole.held_out.counts} agree, which shows an accuracy of ± {_shown(held_out)}. "
+        f"Not predicted: {not_predicted or 'nothing that was measured'}. "
+        f"Not counted: {lines_of(every).undecided} that are too uncertain to decide."
+    )
+
+
+def _rms_span(lines: Sequence[Line]) -> str:
+    return span(np.array([line.rms for line in lines]))
+
+
+def _largest(lines: Sequence[Line]) -> str:
+    return f"{number(max(float(np.abs(line.error).max()) for line in lines), 2)} %"
+
+
+def _shown(lines: Sequence[Line]) -> str:
+    return span(np.array([float(np.median(line.accuracy[line.agrees])) for line in lines if line.agrees.any()]))
 
 
 def groups(results: Results) -> Iterator[Group]:
@@ -114,16 +211,29 @@ def groups_of(case: str, title: str, series: Series) -> Iterator[Group]:
         yield Group(case, title.partition(":")[0], name, {key: c[of == name] for key, c in series.columns.items()})
 
 
-def table(results: Results) -> Table | None:
-    """One line per group; None if the study has no measured case."""
-    lines = tuple(_line(group) for group in groups(results))
+def table(groups: Iterable[Group]) -> Table | None:
+    """One line per group; None if there is none."""
+    lines = tuple(map(_line, groups))
     return Table("measurements", "Validation: comparison with measurements", HEADS, lines, (WORDS,)) if lines else None
 
 
 def _line(group: Group) -> tuple[str | float, ...]:
-    verdicts = group.columns["verdict"].tolist()
-    counts = (float(verdicts.count(verdict)) for verdict in VERDICTS)
-    return (f"{group.title}: {group.name}", float(len(verdicts)), span(group.error), span(group.u_val), *counts)
+    of = group.free, group.held_out
+    errors = [span(each.error) if len(each.error) else "" for each in of]
+    counts = [each.counts if len(each.error) else "" for each in of]
+    last = group.last
+    shown = span(last.accuracy[last.agrees]) if last.agrees.any() else ""
+    name = f"{group.title}: {group.name}"
+    return (
+        name,
+        float(len(group.columns["E"])),
+        errors[0],
+        counts[0],
+        errors[1],
+        counts[1],
+        shown,
+        float(group.undecided),
+    )
 
 
 def span(percent: Array) -> str:

@@ -12,7 +12,7 @@ from flexlink.pages.numbers import amount
 from flexlink.pages.verdict import State, Verdict
 from reports.chapters import Number, Wanted
 from reports.claims import CONFIRMED, judging, standing
-from reports.measurements import Counts, by_case, total
+from reports.measurements import Lines, by_case, expectation, groups, lines_of
 from reports.results import Results, used
 from reports.tables import share
 from reports.wording import displayed
@@ -77,7 +77,7 @@ class CaseVerdict:
         return "; ".join(parts)
 
 
-def case_verdict(rows: Sequence[JudgedRow], validated: Counts | None = None) -> CaseVerdict:
+def case_verdict(rows: Sequence[JudgedRow], validated: Lines | None = None) -> CaseVerdict:
     """Summary of a case; `validated` counts its measured quantities."""
     right, fast = correctness(rows), speed(rows)
     judged = [row for row in rows if row.passed is not None and not row.timed]
@@ -85,7 +85,7 @@ def case_verdict(rows: Sequence[JudgedRow], validated: Counts | None = None) -> 
     informing = sum(row.passed is None for row in rows)
     claims = tuple(dict.fromkeys(standing(row).word for row in judging(rows)))
     outcome = validated.brief if validated else ""
-    all_validated = validated is not None and validated.all_validated
+    all_validated = validated is not None and validated.all_agree
     return CaseVerdict(right.judged, len(right.failed), informing, fast.brief(), worst, claims, outcome, all_validated)
 
 
@@ -154,12 +154,13 @@ def _missing(results: Results) -> str:
 
 
 def validation(results: Results) -> Verdict | None:
-    """Verdict on how well the model predicts measurements, green only if all are validated; None if there are none."""
-    counts = total(results)
-    if counts is None:
+    """Verdict on how well the model predicts measurements, green only if all agree; None if there are none."""
+    every = list(groups(results))
+    if not every:
         return None
-    state: State = "pass" if counts.all_validated else "doubt"
-    return Verdict(VALIDATION, state, f"{counts.validated} of {counts.all} validated", counts.sentence)
+    lines = lines_of(every)
+    state: State = "pass" if lines.all_agree else "doubt"
+    return Verdict(VALIDATION, state, lines.brief, expectation(every))
 
 
 def fast(results: Results) -> Verdict:

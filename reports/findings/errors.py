@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from statistics import median
@@ -102,20 +103,19 @@ def _steps_sentence(rows: list[Row]) -> str:
     )
 
 
-HELD_OUT, ONE_NUMBER = "held out", "one number"
-COLUMNS = ("quantity", "unit", "S", "D", "E", "u_num", "GCI", "order", "u_input", "u_D", "u_val", "verdict")
+HELD_OUT = "held out"
+COLUMNS = (
+    "quantity", "unit", "S", "D", "E", "u_num", "GCI", "order", "u_input", "u_D", "u_val", "verdict", "held out S",
+    "held out u_val", "held out verdict",
+)  # fmt: skip
 HEADS = {"GCI": "grid convergence index", "order": "observed order", "S": "S, simulated", "D": "D, measured"}
-ONE = (
-    "One number of the specimen is fitted to some of the quantities (misfit: root mean square of (S − D) / u_D), and "
-    "the others are compared again. Start: value in the scene, or of the search. u and tolerance: of the number."
-)
 FIT = (
     "Fit: 100 (1 − |measured − model| / |measured|). 100 is a perfect model, 0 is no better than a zero signal. "
     "psf and fsf are the two recordings."
 )
 
 
-@finding("measured", HELD_OUT, ONE_NUMBER)
+@finding("measured", HELD_OUT)
 def measured(results: Results) -> Iterator[Table]:
     """Measured quantities: error, validation uncertainty with its parts, and verdict; fits to held-out recordings.
 
@@ -125,16 +125,17 @@ def measured(results: Results) -> Iterator[Table]:
         fits = tuple(zip(*(column.tolist() for column in series.columns.values()), strict=True))
         title = f"{results.cases[case][0].title}: fit [%]"
         yield Table(f"{case}.held_out", title, tuple(series.columns), fits, (FIT,), opened=True)
-    for case, series in results.showing(ONE_NUMBER):
-        found = tuple(zip(*(column.tolist() for column in series.columns.values()), strict=True))
-        title = f"{results.cases[case][0].title}: one number fitted"
-        yield Table(f"{case}.one_number", title, tuple(series.columns), found, (ONE,), opened=True)
     heads = tuple(HEADS.get(name, name) for name in COLUMNS)
     for case, series in results.showing(WHAT):
-        columns = [series.columns[name].tolist() for name in COLUMNS[:-1]]
-        lines = tuple(zip(*columns, map(displayed, series.columns[COLUMNS[-1]].tolist()), strict=True))
+        columns = ([_shown(each) for each in series.columns[name].tolist()] for name in COLUMNS)
+        lines = tuple(zip(*columns, strict=True))
         title = results.cases[case][0].title
         yield Table(f"{case}.quantities", f"{title}: all quantities", heads, lines, (), to_look_up=True)
+
+
+def _shown(value: str | float) -> str | float | None:
+    """A verdict as displayed; nothing for a quantity that was not held out."""
+    return displayed(value) if isinstance(value, str) else None if math.isnan(value) else value
 
 
 ORDER = ("native", "public", "pinocchio", "pinocchio, fastest", "mujoco")

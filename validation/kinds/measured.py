@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,13 +16,14 @@ from flexlink.identification import fitted
 from flexlink.identification.problem import FitParameter
 from validation.case import Case, Measured
 from validation.kinds import kind
-from validation.measured import two_link, two_link_ringing
+from validation.measured import stored, two_link, two_link_ringing
 from validation.measured.measurements import MEASUREMENTS, Measurement
-from validation.measured.one_number import Candidate, Fitted, OneNumber, Study, fit_one_number
+from validation.measured.one_number import Candidate, Choice, OneNumber, Study, choose
 from validation.measured.readings import Reading
 from validation.measured.second_way import SEED, close_grids, disagreement, random_points, scatter_of, spread_of_derived
+from validation.measured.trends import Trend
 from validation.measured.two_link import STRAINS, Recorder, Split, Window, fit_percent
-from validation.measured.uncertainty import COVERAGE, VERDICTS, Comparison, grid_convergence, standard
+from validation.measured.uncertainty import COVERAGE, VERDICTS, Comparison, grid_convergence, of_one, standard
 from validation.store import Series, table
 
 GRIDS = (1, 2, 4)  # multiples of the number of hinges of a link
@@ -38,12 +39,23 @@ class Input(Spec, frozen=True, kw_only=True):
     reason: str
 
 
+class Uncertain(Spec, frozen=True, kw_only=True):
+    """An input of the model known only from a drawing: anything between `low` and `high`; `path` is its key."""
+
+    path: str
+    low: float
+    high: float
+
+
 class MeasuredSettings(Spec, frozen=True, kw_only=True):
     """The measurement, a file of `validation/measured/`; hinges of each link on the coarsest grid; inputs by name.
 
     `wanted` is the required accuracy |E| / |D| for each group of quantities, which a measurement must be able to
     resolve. `order` is the order of the lumping rule. `rounding` is the smallest relative error assumed for S.
     `draws` is the number of random inputs for the second way to the uncertainties; 0 leaves it out.
+    `refits` are values of each quantity with inputs fitted to different data; their scatter is then u_input.
+    `drawing` are inputs as a drawing leaves them, by the same rule for all specimens: a root that may yield by 1/20 of
+    L / EI, E and thickness to 5 %, masses to 1 %.
     """
 
     measurement: str
@@ -54,6 +66,8 @@ class MeasuredSettings(Spec, frozen=True, kw_only=True):
     rounding: Positive = 1e-9
     draws: int = 0
     one_number: OneNumber | None = None
+    refits: dict[str, list[float]] = {}  # noqa: RUF012  msgspec copies it
+    drawing: dict[str, Uncertain] = {}  # noqa: RUF012
 
 
 class _Simulated(NamedTuple):
@@ -86,47 +100,62 @@ def measured(case: Case, settings: MeasuredSettings) -> Iterator[Measured | Seri
     """Comparison with measurements: error of every quantity, its validation uncertainty (ASME V&V 20), and a verdict.
 
     No parameters are fitted for the verdicts; the scene contains the values that the source of the measurement states,
-    with tolerances, or values that were fitted to other quantities, with their covariance. Beside the verdicts, one
-    number of the specimen may be fitted to some quantities to predict the others (`OneNumber`), and the parts of the
-    uncertainty may be derived a second way (`draws`).
+    with tolerances, or values that were fitted to other quantities. Beside the verdicts, one number of the specimen may
+    be fitted to one half of the readings to predict the other (`OneNumber`), and the parts of the uncertainty may be
+    derived a second way (`draws`). Ratios of readings that share their errors are pooled into trends.
 
     Yield every quantity, then the groups, then the table.
     """
     measurement = require_one_of(f"{case.path}: settings.measurement", settings.measurement, MEASUREMENTS)
     readings = measurement.all_readings()
     simulated = _simulate(case, settings, measurement)
-    rows, every = [], {}
+    every = {name: _compared(name, reading, simulated, settings) for name, reading in readings.items()}
+    trends = {each.name: each for each in measurement.trends(readings, simulated.grids[-1])}
+    pooled = {each.of for each in trends.values()}
     groups: dict[str, list[Comparison]] = {}
     for name, reading in readings.items():
-        require_one_of(f"{case.path}: settings.wanted", reading.group, settings.wanted)
-        compared, inputs = _compared(name, reading, simulated, settings)
-        groups.setdefault(reading.group, []).append(compared)
-        every[name] = compared
-        yield from _measured(name, reading, compared, inputs)
-        rows.append((name, reading.group, reading.unit, *_numbers(compared), compared.verdict))
+        groups.setdefault(reading.group, []).append(every[name])
+        if reading.group not in pooled:
+            yield _measured(name, reading, every[name], _parts(name, simulated, settings))
     for group, found in groups.items():
-        yield from _of_group(group, found)
-    heads = (
-        "quantity",
-        "group",
-        "unit",
-        "S",
-        "D",
-        "E",
-        "u_num",
-        "GCI",
-        "order",
-        "u_input",
-        "u_D",
-        "u_val",
-        "wanted",
-        "verdict",
-    )
-    yield Series("measured", case.title, table(heads, rows), "quantity", "", "E", group="group")
+        yield from _of_group(group, found, pooled)
+    yield from (_of_trend(each) for each in trends.values())
+    compared = {name: each for name, each in every.items() if readings[name].group not in pooled}
+    held_out = dict(compared) if measurement.fitted else {}
+    if settings.one_number:
+        choices, held_out = _held_out(case, settings.one_number, readings, simulated, every)
+        yield from choices
+    for group in groups:
+        yield from _of_held_out(group, {name: each for name, each in held_out.items() if readings[name].group == group})
+    rows = [_row(name, readings[name].group, readings[name].unit, each, held_out) for name, each in compared.items()]
+    rows += [_row(each.name, each.of, "1", each.compared(settings.wanted[each.of]), {}) for each in trends.values()]
+    columns = table(COLUMNS, rows)
+    yield Series("measured", case.title, columns, "quantity", "", "E", group="group")
+    yield Measured("differs from what the site shows", stored.difference(case.name, columns))
+    if settings.drawing:
+        ends = [
+            [simulated.predict(1, {each.path: x}) for x in (each.low, each.high)] for each in settings.drawing.values()
+        ]
+        yield from _intervals({name: every[name] for name in measurement.readings()}, simulated.grids[0], ends)
     if settings.draws:
         yield from _second_way(case, settings, measurement, simulated, every)
-    if settings.one_number:
-        yield from _one_number(case, settings.one_number, readings, simulated, every)
+
+
+COLUMNS = (
+    "quantity", "group", "unit", "S", "D", "E", "u_num", "GCI", "order", "u_input", "u_D", "u_val", "wanted", "verdict",
+    "held out S", "held out u_val", "held out verdict",
+)  # fmt: skip
+
+
+def _row(
+    name: str, group: str, unit: str, c: Comparison, held_out: Mapping[str, Comparison]
+) -> tuple[str | float, ...]:
+    """Columns of a quantity; the last three with one number fitted, empty for a quantity that was not held out."""
+    order, index = c.convergence
+    numbers = c.simulated, c.measured, c.error, c.convergence.u_num, index, order, c.u_input, c.u_measured, c.u_val
+    other = held_out.get(name)
+    last = (other.simulated, other.u_val, other.verdict) if other else (math.nan, math.nan, "")
+    return name, group, unit, *numbers, c.wanted, c.verdict, *last
 
 
 def _simulate(case: Case, settings: MeasuredSettings, measurement: Measurement) -> _Simulated:
@@ -153,47 +182,62 @@ def _range(scene: Scene, varied: Input) -> tuple[float, float]:
     return value - off, value + off
 
 
-def _compared(
-    name: str, reading: Reading, simulated: _Simulated, settings: MeasuredSettings
-) -> tuple[Comparison, dict[str, float]]:
+def _parts(name: str, simulated: _Simulated, settings: MeasuredSettings) -> dict[str, float]:
+    """Standard uncertainty of a simulated value due to each input, or due to what its fitted inputs were fitted to."""
+    return {"refits": of_one(settings.refits[name])} if settings.refits else simulated.u_input(name)
+
+
+def _compared(name: str, reading: Reading, simulated: _Simulated, settings: MeasuredSettings) -> Comparison:
+    require_one_of("settings.wanted", reading.group, settings.wanted)
     coarse, middle, fine = (values[name] for values in simulated.grids)
     convergence = grid_convergence(coarse, middle, fine, settings.order, settings.rounding * abs(fine))
-    inputs = simulated.u_input(name)
+    u_input = math.hypot(*_parts(name, simulated, settings).values())
     wanted = settings.wanted[reading.group] * abs(reading.value)
-    return Comparison(fine, reading.value, convergence, math.hypot(*inputs.values()), reading.u, wanted), inputs
+    return Comparison(fine, reading.value, convergence, u_input, reading.u, wanted)
 
 
-def _measured(name: str, reading: Reading, compared: Comparison, inputs: Mapping[str, float]) -> Iterator[Measured]:
-    """Yield the error of a quantity relative to the measured value D, as a separate quantity if D is uncertain."""
+def _measured(name: str, reading: Reading, compared: Comparison, inputs: Mapping[str, float]) -> Measured:
+    """The error of a quantity relative to the measured value D, as a separate quantity if D is uncertain."""
     parts = ", ".join(f"{which} {u:.2g}" for which, u in sorted(inputs.items(), key=lambda item: -item[1])) or "nothing"
     precise = COVERAGE * compared.u_measured <= compared.wanted
     quantity = f"|E| / |D|, {reading.group}" + ("" if precise else ", read too coarsely")
     note = f"{compared.words(reading.unit)} Of u_input: {parts}."
-    yield Measured(quantity, abs(compared.error / compared.measured), varied={"situation": name}, note=note)
+    return Measured(quantity, abs(compared.error / compared.measured), varied={"situation": name}, note=note)
 
 
-def _of_group(group: str, found: list[Comparison]) -> Iterator[Measured]:
-    relative = [c.error / c.measured for c in found]
+def _rms(found: Iterable[Comparison]) -> float:
+    return math.sqrt(float(np.mean([(c.error / c.measured) ** 2 for c in found])))
+
+
+def _of_group(group: str, found: list[Comparison], pooled: Collection[str]) -> Iterator[Measured]:
     if len(found) > 1:
-        yield Measured(f"root mean square of E / D, {group}", math.sqrt(sum(e * e for e in relative) / len(found)))
-    for verdict in VERDICTS:
+        yield Measured(f"root mean square of E / D, {group}", _rms(found))
+    for verdict in VERDICTS if group not in pooled else ():
         yield Measured(verdict, sum(c.verdict == verdict for c in found), varied={"situation": group})
 
 
-def _numbers(c: Comparison) -> tuple[float, ...]:
-    order, index = c.convergence
-    return (
-        c.simulated,
-        c.measured,
-        c.error,
-        c.convergence.u_num,
-        index,
-        order,
-        c.u_input,
-        c.u_measured,
-        c.u_val,
-        c.wanted,
+def _of_trend(trend: Trend) -> Measured:
+    note = (
+        f"Measured over computed trend: {trend.factor:.3f} ± {COVERAGE * trend.u:.3f}, pooled over {trend.freedom} "
+        f"ratios with their common errors; misfit χ² = {trend.misfit:.1f}, expected {trend.freedom}."
     )
+    return Measured("measured / computed trend", trend.factor, varied={"situation": trend.name}, note=note)
+
+
+def _of_held_out(group: str, found: Mapping[str, Comparison]) -> Iterator[Measured]:
+    """Yield how the readings of a group that were held out agree; those that cannot be decided are not counted."""
+    decided = [c for c in found.values() if c.verdict != VERDICTS[2]]
+    if not found:
+        return
+    agree = [c for c in decided if c.verdict == VERDICTS[0]]
+    left = f"; {len(found) - len(decided)} more cannot be decided" if len(decided) < len(found) else ""
+    note = f"{len(agree)} of {len(decided)}{left}."
+    yield Measured(f"agree when held out, {group}", len(agree), note=note)
+    yield Measured(f"root mean square of E / D when held out, {group}", _rms(decided) if decided else math.nan)
+    if agree:
+        shown = [100 * COVERAGE * c.u_val / abs(c.measured) for c in agree]
+        note = f"From ± {min(shown):.2g} to ± {max(shown):.2g} %."
+        yield Measured(f"accuracy shown, {group}", float(np.median(shown)), note=note)
 
 
 def _second_way(
@@ -210,7 +254,11 @@ def _second_way(
     three = simulated.predict(3, {})
     grids = {name: close_grids(two[name], three[name], four[name], settings.order).u_num for name in every}
     yield _agreement(
-        "u_input", f"{settings.draws} random inputs", {n: c.u_input for n, c in every.items()}, inputs, every
+        "u_input",
+        f"{settings.draws} random inputs",
+        {n: math.hypot(*simulated.u_input(n).values()) for n in every},
+        inputs,
+        every,
     )
     numeric = {name: c.convergence.u_num for name, c in every.items()}
     yield _agreement("u_num", "grids of 2N, 3N and 4N hinges", numeric, grids, every)
@@ -244,67 +292,71 @@ def _random_inputs(
 def _agreement(
     part: str, how: str, first: Mapping[str, float], second: Mapping[str, float], every: Mapping[str, Comparison]
 ) -> Measured:
-    off = {name: disagreement(first[name], second[name], each.u_val) for name, each in every.items()}
+    off = {name: disagreement(first[name], u, every[name].u_val) for name, u in second.items()}
     worst = max(off, key=lambda name: off[name])
     note = f"{part} of “{worst}” = {first[worst]:.3g}, a second way ({how}) {second[worst]:.3g}: most of {len(off)}."
     return Measured("second way", off[worst], varied={"part": part}, note=note)
 
 
-def _one_number(
+def _intervals(
+    every: Mapping[str, Comparison], coarse: Mapping[str, float], ends: Sequence[Sequence[Mapping[str, float]]]
+) -> Iterator[Measured]:
+    """Yield the share of readings in the 95 % interval of a prediction from a drawing, and its width.
+
+    `ends` are the predictions on the coarsest grid at both limits of each input, between which it is rectangular.
+    """
+    inside, widths = [], []
+    for name, c in every.items():
+        middle = c.simulated + sum((low[name] + high[name]) / 2 - coarse[name] for low, high in ends)
+        parts = [standard(abs(high[name] - low[name]) / 2) for low, high in ends]
+        half = COVERAGE * math.hypot(*parts, c.convergence.u_num, c.u_measured)
+        inside.append(abs(c.measured - middle) <= half)
+        widths.append(half / abs(c.measured))
+    note = f"{sum(inside)} of {len(inside)}."
+    yield Measured("share of readings in the interval of a drawing", float(np.mean(inside)), note=note)
+    yield Measured("half width of the interval of a drawing", float(np.median(widths)))
+
+
+def _held_out(
     case: Case,
     wanted: OneNumber,
     readings: Mapping[str, Reading],
     simulated: _Simulated,
     every: Mapping[str, Comparison],
-) -> Iterator[Measured | Series]:
-    """Yield, for every choice of fitted quantities and every candidate, how many of the others are validated."""
+) -> tuple[list[Measured], dict[str, Comparison]]:
+    """The number chosen in each half, and every reading compared with the number of the half that it is not in."""
     (scene,) = case.load_scenes()
-    chosen = {name: reading for name, reading in readings.items() if reading.group == wanted.group}
+    known = {name: reading for name, reading in readings.items() if reading.group in (*wanted.groups, *wanted.beside)}
+
+    def study(each: Candidate) -> tuple[float, Study]:
+        def predict(value: float | None) -> dict[str, float]:
+            return simulated.grids[0] if value is None else simulated.predict(1, {each.path: value})
+
+        return each.start or scene.values_at(each.path)[0], Study(every, simulated.effects(), predict)
+
+    first, second = wanted.halves(readings)
+    found: dict[str, Comparison] = {}
     lines = []
-    for fitted_to, patterns in wanted.fitted_to.items():
-        for name, each in wanted.candidate.items():
-            start = each.start or scene.values_at(each.path)[0]
-
-            def predict(value: float | None, path: str = each.path) -> dict[str, float]:
-                return simulated.grids[0] if value is None else simulated.predict(1, {path: value})
-
-            found = fit_one_number(each, start, chosen, patterns, Study(every, simulated.effects(), predict))
-            without = sum(every[other].verdict == VERDICTS[0] for other in found.others)
-            varied = {"situation": name, "part": fitted_to}
-            note = _told(name, each, start, found, without, len(chosen), fitted_to)
-            yield Measured("others validated with one number fitted", found.count(), varied=varied, note=note)
-            known = each.tolerance or math.nan
-            errors = [abs(c.error / c.measured) for c in found.others.values()]
-            lines.append(
-                (fitted_to, name, each.unit, start, found.value, found.u_relative, known, found.before,
-                 found.after, len(errors), without, found.count(), max(errors))
-            )  # fmt: skip
-    heads = (
-        "fitted to", "number", "unit", "start", "fitted", "u", "tolerance", "misfit before", "misfit after",
-        "others", "validated before", "validated after", "largest error of the others",
-    )  # fmt: skip
-    yield Series("one number", case.title, table(heads, lines), "number", "", "validated after", group="fitted to")
+    for half, label, others in ((first, "first half", {*known} - {*first}), (second, "second half", {*first})):
+        choice = choose(wanted, half, known, study)
+        found |= {
+            name: choice.fitted.others[name] if choice.fitted else every[name] for name in known if name in others
+        }
+        value = choice.fitted.value if choice.fitted else math.nan
+        varied = {"situation": choice.name, "part": label}
+        lines.append(Measured("number fitted", value, varied=varied, note=_told(choice, len(half))))
+    return lines, {name: found[name] for name in known}
 
 
-def _told(name: str, each: Candidate, start: float, found: Fitted, without: int, of: int, fitted_to: str) -> str:
+def _told(choice: Choice, readings: int) -> str:
     """The fit in one sentence or two."""
-    others = len(found.others)
-    if math.isinf(found.u_relative) and not found.at_limit:
-        return f"{name} has no effect on the {of - others} quantities {fitted_to}; it cannot be fitted to them."
-    known = f", known to ± {100 * each.tolerance:g} %" if each.tolerance else ""
-    change = f"{100 * (found.value / start - 1):+.1f} %" if not each.start else "fitted"
-    where = (
-        f"runs to {each.limit}, so the others are compared without a fit"
-        if found.at_limit
-        else f"{found.value:.4g} {each.unit} ({change}{known}), standard uncertainty {100 * found.u_relative:.2g} %"
-    )
-    left = sorted(found.others.items(), key=lambda item: -abs(item[1].error / item[1].measured))[:3]
-    worst = ", ".join(f"{which} {100 * c.error / c.measured:+.1f} %" for which, c in left)
+    found = choice.fitted
+    if found is None:
+        return f"No candidate is determined by the {readings} readings."
+    scatter = f", and a scatter of {100 * found.scatter:.2g} % of the readings" if found.scatter else ""
     return (
-        f"{name}, fitted to the {of - others} quantities {fitted_to}: {where}; their misfit in units of u_D: "
-        f"{found.before:.2g} → {found.after:.2g}. Of the {others} others, {found.count()} are validated ({without} "
-        f"without the fit), {found.count(VERDICTS[1])} are not, {found.count(VERDICTS[2])} cannot be told. "
-        f"Largest errors left: {worst}."
+        f"{choice.name}: {found.value:.4g} {choice.unit}, standard uncertainty {100 * found.u_relative:.2g} %{scatter}."
+        f" Misfit of the {readings} readings in units of u_D: {found.before:.2g} → {found.after:.2g}."
     )
 
 
@@ -433,17 +485,17 @@ def _fits(run: Run, window: Window, model: Sequence[Array]) -> list[float]:
     return [fit_percent(y[there], given[there]) for y, given in zip(run.strains, model, strict=True)]
 
 
-def _identified(stored: Scene, split: Split, found: fitted.Fitted) -> Iterator[Measured]:
+def _identified(known: Scene, split: Split, found: fitted.Fitted) -> Iterator[Measured]:
     """Compare the parameters that `fl.fit` finds with the stored ones, and count those that the data determine."""
     sought = [one for one in found.numbers if one.path]
     for one in sought:
-        (value,) = stored.values_at(one.path)
+        (value,) = known.values_at(one.path)
         note = f"Found {one.value:.4g} ({one.low:.3g} … {one.high:.3g}), stored {value:.4g}: {one.verdict}."
         facts = {"situation": f"{one.path}; identified on {split.fitted.name}"}
-        yield Measured("identified / stored − 1", abs(one.value / value - 1), stored.name, varied=facts, note=note)
+        yield Measured("identified / stored − 1", abs(one.value / value - 1), known.name, varied=facts, note=note)
     count = sum(one.doubt is None for one in sought)
     facts = {"situation": f"identified on {split.fitted.name}"}
-    yield Measured("parameters that the data determine", count, stored.name, varied=facts)
+    yield Measured("parameters that the data determine", count, known.name, varied=facts)
 
 
 def _scattered(identified: Sequence[Scene]) -> Iterator[Measured]:

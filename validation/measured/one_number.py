@@ -1,14 +1,16 @@
-"""One number of the specimen fitted to some of the measured quantities, and how well it then predicts the others.
+"""One number of the specimen, chosen and fitted in one half of the readings, and judged in the other half.
 
-If one number, fitted to half of the quantities, predicts the other half, the specimen's data are wrong in that number;
-if no number does, the model or the measurement is wrong. The fit is weighted by the uncertainty u_D of the readings:
+If a number that is fitted to half of the readings predicts the other half, the specimen's data are wrong in it; if no
+number does, the model or the measurement is wrong. Each half predicts the other, so every reading is held out
+once. In each half, the number is the candidate with the smallest misfit there. The fit
 
-    min over p of Σ ((S_i(p) − D_i) / u_D,i)²,       p = start · exp(x).
+    min over p of Σ (E_i / u_i)²,     E_i = S_i(p) − D_i,  p = start · exp(x),  u_i² = u_D,i² + (c D_i)²
 
-S(p) is computed on the coarsest grid and shifted by the difference of the finest and the coarsest grid without the fit.
-The standard uncertainty of x is u_x = b / √(jᵀj), where j are the derivatives of the weighted differences and b is the
-Birge ratio, √(χ² / (n − 1)) but at least 1. The other inputs keep their tolerances; since a changed input would also
-have changed the fitted number, its effect is what the fit does not compensate.
+begins with c = 0. If the misfit exceeds u_D, c is the relative scatter of the model that explains it, so that
+Σ (E_i / u_i)² = n − 1 (Mandel and Paule 1982), and x is fitted again. S(p) is computed on the coarsest grid and shifted
+by the difference of the finest and the coarsest grid without the fit. With J = dE / dx, u_x = 1 / √(Σ (J_i / u_i)²).
+A reading that is held out is predicted with the uncertainty of x, the scatter c D, and of every other input the effect
+that the fit does not compensate, since a changed input would also have changed the fitted number.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ from fnmatch import fnmatchcase
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import brentq, least_squares
 
 from flexlink.common.types import Array
 from flexlink.describe.spec import Positive, Spec
@@ -27,6 +29,7 @@ from validation.measured.readings import Reading
 from validation.measured.uncertainty import VERDICTS, Comparison
 
 STEP = 1e-3  # of x, for derivatives
+CLOSE = 1e-3  # of x and, squared, of the misfit, at which a fit ends: far below the smallest u_x and its effect
 NEAR_LIMIT = 0.01  # distance to a limit of x at which the fit counts as having run into it
 
 
@@ -47,11 +50,20 @@ class Candidate(Spec, frozen=True, kw_only=True):
 
 
 class OneNumber(Spec, frozen=True, kw_only=True):
-    """Group of quantities, patterns of those that are fitted, by a name for this choice, and candidates by name."""
+    """Groups of readings, patterns of those in the first half of them, and candidates by name.
 
-    group: str
-    fitted_to: dict[str, list[str]]
+    Readings of the groups `beside` are never fitted; the number of the first half predicts them.
+    """
+
+    groups: list[str]
+    half: list[str]
     candidate: dict[str, Candidate]
+    beside: list[str] = []  # noqa: RUF012  msgspec copies it
+
+    def halves(self, readings: Mapping[str, Reading]) -> tuple[list[str], list[str]]:
+        """Names of the readings in both halves."""
+        names = [name for name, reading in readings.items() if reading.group in self.groups]
+        return chosen(names, self.half)
 
 
 class Study(NamedTuple):
@@ -77,6 +89,8 @@ class Fitted(NamedTuple):
         Whether the best value is a limit of the range, or so near that the quantities no longer depend on it.
     before, after
         Root mean square of (S − D) / u_D of the fitted quantities without and with the fit.
+    scatter
+        c, the relative scatter of the fitted quantities that u_D does not explain.
     others
         The other quantities, with the fit.
     """
@@ -86,7 +100,13 @@ class Fitted(NamedTuple):
     at_limit: bool
     before: float
     after: float
+    scatter: float
     others: dict[str, Comparison]
+
+    @property
+    def usable(self) -> bool:
+        """Whether the data determine the number."""
+        return math.isfinite(self.u_relative) and not self.at_limit
 
     def count(self, verdict: str = VERDICTS[0]) -> int:
         """Number of the other quantities with this verdict."""
@@ -100,52 +120,85 @@ def chosen(names: Sequence[str], patterns: Sequence[str]) -> tuple[list[str], li
 
 
 def fit_one_number(
-    candidate: Candidate, start: float, readings: Mapping[str, Reading], patterns: Sequence[str], study: Study
+    candidate: Candidate, start: float, readings: Mapping[str, Reading], fitted: Sequence[str], study: Study
 ) -> Fitted:
-    """Fit a number to the quantities that match the patterns; compare the others."""
-    fitted, others = chosen(list(readings), patterns)
-    weighted = _weighted(start, readings, study)
+    """Fit a number to some of the readings; compare the others."""
+    others = [name for name in readings if name not in fitted]
+    errors = _errors(start, readings, study)
+    u, D = (_array({name: getattr(readings[name], of) for name in fitted}, fitted) for of in ("u", "value"))
     limits = math.log(candidate.low), math.log(candidate.high)
     best = least_squares(
-        lambda x: _array(weighted(x[0]), fitted), [0.0], bounds=limits, diff_step=STEP, x_scale=0.1, xtol=1e-10
+        lambda x: _array(errors(x[0]), fitted) / u,
+        [0.0],
+        bounds=limits,
+        diff_step=STEP,
+        x_scale=0.1,
+        xtol=CLOSE,
+        ftol=CLOSE**2,
     )
-    x = float(best.x[0])
-    low, high = weighted(x - STEP), weighted(x + STEP)
-    slopes = {name: (high[name] - low[name]) / (2 * STEP) for name in readings}
-    j, span = _array(slopes, fitted), limits[1] - limits[0]
-    vanished = float(j @ j) * span**2 < 1.0
-    determined = not vanished or _moves(weighted, fitted, span)
+    x, span = float(best.x[0]), limits[1] - limits[0]
+    slopes, J = _slopes(errors, x, fitted)
+    vanished = float((J / u) @ (J / u)) * span**2 < 1.0
+    determined = not vanished or _moves(errors, fitted, u, span)
     at_limit = determined and (vanished or min(x - limits[0], limits[1] - x) < NEAR_LIMIT)
-    birge = max(1.0, math.sqrt(2.0 * best.cost / max(len(fitted) - 1, 1)))
-    u_x = math.inf if vanished else birge / math.sqrt(float(j @ j))
     compared = {name: study.compared[name] for name in others}
+    u_x, scatter = math.inf, 0.0
     if determined and not at_limit:
-        now = weighted(x)
+        scatter, dx = _scatter(best.fun * u, J, u, np.abs(D))
+        weights = np.hypot(u, scatter * D)
+        x, u_x = x + dx, 1.0 / float(np.linalg.norm(J / weights))
+        now = errors(x)
         for name in others:
-            left = [_not_compensated(name, each, readings, slopes, j, fitted) for each in study.inputs.values()]
-            u, old = readings[name].u, compared[name]
-            u_input = math.hypot(*left, slopes[name] * u * u_x)
-            compared[name] = old._replace(simulated=old.measured + now[name] * u, u_input=u_input)
-    before = _array({name: study.compared[name].error / readings[name].u for name in fitted}, fitted)
-    misfits = [math.sqrt(float(r @ r) / len(fitted)) for r in (before, best.fun)]
-    return Fitted(start * math.exp(x) if determined else start, u_x, at_limit, misfits[0], misfits[1], compared)
+            left = [_not_compensated(name, each, slopes, J, weights, fitted) for each in study.inputs.values()]
+            value = readings[name].value
+            u_input = math.hypot(*left, slopes[name] * u_x, scatter * value)
+            compared[name] = compared[name]._replace(simulated=value + now[name], u_input=u_input)
+    before = _array({name: study.compared[name].error for name in fitted}, fitted) / u
+    misfits = [float(np.linalg.norm(r)) / math.sqrt(len(fitted)) for r in (before, best.fun)]
+    value = start * math.exp(x) if determined else start
+    return Fitted(value, u_x, at_limit, misfits[0], misfits[1], scatter, compared)
 
 
-def _weighted(start: float, readings: Mapping[str, Reading], study: Study) -> Callable[[float], dict[str, float]]:
-    """(S − D) / u_D of every quantity as a function of x."""
+def _scatter(E: Array, J: Array, u: Array, D: Array) -> tuple[float, float]:
+    """Relative scatter c that explains the misfit of errors E with slopes J, and the change of x with these weights."""
+
+    def step(c: float) -> float:
+        weights = u**2 + (c * D) ** 2
+        return -float(J @ (E / weights)) / float(J @ (J / weights))
+
+    def excess(c: float) -> float:
+        return float(np.sum((E + J * step(c)) ** 2 / (u**2 + (c * D) ** 2))) - (len(E) - 1)
+
+    if len(E) < 2 or excess(0.0) <= 0.0:
+        return 0.0, 0.0
+    c = float(brentq(excess, 0.0, float(np.abs(E / D).max()) * math.sqrt(len(E))))
+    return c, step(c)
+
+
+def _errors(start: float, readings: Mapping[str, Reading], study: Study) -> Callable[[float], dict[str, float]]:
+    """E = S − D of every quantity as a function of x."""
     free = study.predict(None)
     finer = {name: study.compared[name].simulated - free[name] for name in readings}
 
-    def weighted(x: float) -> dict[str, float]:
+    def errors(x: float) -> dict[str, float]:
         found = study.predict(start * math.exp(x))
-        return {name: (found[name] + finer[name] - each.value) / each.u for name, each in readings.items()}
+        return {name: found[name] + finer[name] - each.value for name, each in readings.items()}
 
-    return weighted
+    return errors
 
 
-def _moves(weighted: Callable[[float], dict[str, float]], fitted: Sequence[str], span: float) -> bool:
+def _slopes(
+    errors: Callable[[float], dict[str, float]], x: float, fitted: Sequence[str]
+) -> tuple[dict[str, float], Array]:
+    """dE/dx of every quantity, and of the fitted ones as an array."""
+    low, high = errors(x - STEP), errors(x + STEP)
+    slopes = {name: (high[name] - low[name]) / (2 * STEP) for name in low}
+    return slopes, _array(slopes, fitted)
+
+
+def _moves(errors: Callable[[float], dict[str, float]], fitted: Sequence[str], u: Array, span: float) -> bool:
     """Whether the fitted quantities depend on the number at its start."""
-    j = (_array(weighted(STEP), fitted) - _array(weighted(-STEP), fitted)) / (2 * STEP)
+    j = _slopes(errors, 0.0, fitted)[1] / u
     return float(j @ j) * span**2 > 1.0
 
 
@@ -154,14 +207,32 @@ def _array(values: Mapping[str, float], names: Sequence[str]) -> Array:
 
 
 def _not_compensated(
-    name: str,
-    effect: Mapping[str, float],
-    readings: Mapping[str, Reading],
-    slopes: Mapping[str, float],
-    j: Array,
-    fitted: Sequence[str],
+    name: str, effect: Mapping[str, float], slopes: Mapping[str, float], J: Array, weights: Array, fitted: Sequence[str]
 ) -> float:
     """Effect of an input on a quantity after the number has been fitted again with the input changed."""
-    shifts = np.array([effect[each] / readings[each].u for each in fitted])
-    dx = -float(j @ shifts) / float(j @ j)
-    return effect[name] + slopes[name] * readings[name].u * dx
+    shifts = _array(effect, fitted) / weights
+    dx = -float((J / weights) @ shifts) / float((J / weights) @ (J / weights))
+    return effect[name] + slopes[name] * dx
+
+
+class Choice(NamedTuple):
+    """The best candidate of a half, by name, with its unit; None if the half determines none."""
+
+    name: str
+    unit: str
+    fitted: Fitted | None
+
+
+def choose(
+    wanted: OneNumber,
+    fitted: Sequence[str],
+    readings: Mapping[str, Reading],
+    of: Callable[[Candidate], tuple[float, Study]],
+) -> Choice:
+    """Fit every candidate to some readings, and choose the one with the smallest misfit; `of` gives start and study."""
+    found = [
+        Choice(name, each.unit, fit_one_number(each, of(each)[0], readings, fitted, of(each)[1]))
+        for name, each in wanted.candidate.items()
+    ]
+    usable = [each for each in found if each.fitted and each.fitted.usable]
+    return min(usable, key=lambda each: each.fitted.after if each.fitted else 0.0, default=Choice("none", "", None))

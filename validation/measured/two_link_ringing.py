@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import flexlink as fl
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import decode
 from flexlink.identification.problem import FitParameter
 from validation.case import CASES, load_case
-from validation.measured.readings import Derived, FittedInputs, Reading
+from validation.measured.readings import FittedInputs, Reading
 from validation.measured.two_link import Split
 from validation.measured.uncertainty import standard
 from validation.reference_values import reference_array
@@ -30,11 +28,6 @@ def readings() -> dict[str, Reading]:
     }
     low, high = reference_array(DATA, "damping_ratio").tolist()
     return found | {RATIO: Reading((low + high) / 2, standard((high - low) / 2), "1", "damping")}
-
-
-def derived() -> Iterator[Derived]:
-    """No derived quantities."""
-    return iter(())
 
 
 def predicted(scene: Scene) -> dict[str, float]:

@@ -45,6 +45,11 @@ def of_mean(values: Sequence[float] | Array) -> float:
     return float(student.ppf(0.975, n - 1) * np.std(values, ddof=1) / math.sqrt(n)) / COVERAGE
 
 
+def of_one(values: Sequence[float]) -> float:
+    """Standard uncertainty of one more value like a few others: half of Student's 95 % interval about one of them."""
+    return of_mean(values) * math.sqrt(len(values))
+
+
 class Convergence(NamedTuple):
     """Discretization error of S₄ on the finest of three grids; S₁, S₂, S₄ are computed with N, 2 N and 4 N hinges.
 
