@@ -19,16 +19,14 @@ import struct
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import msgspec
 
 from flexlink.describe.spec import Spec
 
-if TYPE_CHECKING:
-    from flexlink.sweeps.plan import Plan
-    from flexlink.sweeps.worker import Row
-
+Plan: TypeAlias = Any  # that of `plan`, which imports this module
+Row: TypeAlias = Any  # that of `worker`
 DIGITS = 1074  # a float64 is a whole multiple of 2^−DIGITS
 CLASSES = 32  # of a varied key; a linear influence loses 1/CLASSES² of its index
 SHIFT = 42  # bits of a float64 within a class of values; sign, exponent and ten bits of the mantissa remain
@@ -105,7 +103,7 @@ COLUMNS = (
 
 def table(plan: Plan, total: Summary) -> tuple[list[str], Iterator[tuple[Any, ...]]]:
     """Names of the columns, and a row for each output; None where it has too few members."""
-    quantiles, keys = plan.sweep.statistics.quantiles, plan.sweep.keys  # type: ignore[union-attr]
+    quantiles, keys = plan.sweep.statistics.quantiles, plan.sweep.keys
     columns = [*COLUMNS, *(f"quantile {p:g}" for p in quantiles), *(f"S {key}" for key in keys)]
     return columns, (_stated(name, total, quantiles, keys) for name in plan.sweep.quantity)
 
