@@ -12,46 +12,20 @@ from flexlink.results.convergence import Limit
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Advice:
-    """The cheapest model for a scene, its motion and an accuracy.
+    """The cheapest model for a scene, its motion and an accuracy."""
 
-    Attributes
-    ----------
-    met
-        Whether the error is within the tolerance.
-    scene
-        The scene with this model and its steps, ready to run and to save (`scene.to_toml()`).
-    error, tolerance
-        Bound on the largest error of the tip at any sample, and the allowed error [m].
-    tip_travel
-        Largest distance of the tip from its start [m].
-    run_time
-        Measured CPU time [s] of `simulate(advice.scene)`, including set-up: the minimum of a few runs.
-    again_time
-        Measured CPU time [s] of each further run of that scene, or of one `Problem`, which is prepared only once.
-    converged_tip
-        Path of the tip to which finer and finer models converge, with its error; None if rigid links are enough.
-    horizon
-        Time up to which the tolerance is met [s]; the end of the run if it is met throughout.
-    runs, compute_time
-        Number of runs made for the advice, and their measured total CPU time [s], including the compilation of kernels
-        if there was any.
-    lines
-        The choices with their numbers, one line each, as printed by `print(advice)`. Only the last line contains
-        measured times; the other lines and the scene do not depend on the speed of the machine.
-    """
-
-    met: bool
-    scene: Scene
-    error: float
+    met: bool  # whether the error is within the tolerance
+    scene: Scene  # with this model and its steps, ready to run and to save (`scene.to_toml()`)
+    error: float  # bound on the largest error of the tip at any sample, and the allowed error [m]
     tolerance: float
-    tip_travel: float
-    run_time: float
-    again_time: float
-    converged_tip: Limit | None
-    horizon: float
-    runs: int
+    tip_travel: float  # largest distance of the tip from its start [m]
+    run_time: float  # measured CPU time [s] of `simulate(advice.scene)`, with set-up: the minimum of a few runs
+    again_time: float  # of each further run of that scene, or of one `Problem`, which is prepared only once
+    converged_tip: Limit | None  # path of the tip to which finer models converge; None if rigid links are enough
+    horizon: float  # time up to which the tolerance is met [s]; the end of the run if throughout
+    runs: int  # number of runs made for the advice, and their CPU time [s], including any compilation of kernels
     compute_time: float
-    lines: tuple[str, ...]
+    lines: tuple[str, ...]  # the choices with their numbers, as printed; only the last line depends on the machine
 
     def __str__(self) -> str:
         return "\n".join(self.lines)

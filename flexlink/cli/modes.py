@@ -19,10 +19,12 @@ from flexlink.common.notebook import drawing_module
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.tie import refuse_ties
+from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.vibration.modal import Modes, modes
-from flexlink.dynamics.vibration.steady import first_elastic_frequency, modes_in_motion, steady_joint
+from flexlink.dynamics.vibration.steady import first_elastic_frequency, modes_in_motion, rest_of, steady_joint
 from flexlink.motion.inputs.actuation import initial_wrench
 from flexlink.motion.inputs.initial_state import initial_state
+from flexlink.motion.intervals import intervals
 
 
 def print_modes(scene: Scene, found: Modes, which: Iterable[int]) -> None:
@@ -97,6 +99,32 @@ def first_in_motion(found: Modes, texts: Iterable[str]) -> str:
     return f"lowest frequency: {by_loads}; lowest restored by springs (elastic): {elastic}, {motion}"
 
 
+def _modes(scene: Scene, options: argparse.Namespace) -> tuple[Chain, Modes, str]:
+    """The chain, its modes as the options ask for them, and a line on the first elastic frequency."""
+    chain = lump(open_chain(scene))
+    names = {*chain.link_names, *chain.joint_names}
+    locked = [int(name) if name.isdecimal() and name not in names else name for name in options.lock]
+    wrench, frame = initial_wrench(scene, chain)
+    posture = initial_state(scene, chain)[0]
+    if options.rate:
+        refuse_ties(scene.ties, "--rate and ties together are not supported")
+        rates, count = rates_of(chain, options.rate), options.count
+        found = modes_in_motion(chain, rates, posture, tip_wrench=wrench, frame=frame, locked=locked, count=count)
+        return chain, found, first_in_motion(found, options.rate)
+    found = modes(chain, posture, locked=locked, tip_wrench=wrench, frame=frame, count=options.count, ties=scene)
+    at_rest = first_elastic(elastic_hertz(scene, chain, posture)) if not scene.ties else ""
+    return chain, found, at_rest or first_in_motion(found, ["ties"])
+
+
+def _predicted(scene: Scene, options: argparse.Namespace) -> Array:
+    """The tip at rest with the driven joints locked [m], nan if that is not known, and frequencies [Hz]."""
+    chain, found, _ = _modes(scene, options)
+    tip, (wrench, frame) = np.full(3, np.nan), initial_wrench(scene, chain)
+    if not (scene.ties or scene.arm.base.free):
+        tip = tip_position(chain, rest_of(chain, initial_state(scene, chain)[0], tip_wrench=wrench, frame=frame).q)
+    return np.concatenate([tip, found.hertz])
+
+
 def run_command(options: argparse.Namespace) -> int:
     """Print modes, slowest first, and plot them on request."""
     scene = varied_scene(options.scene, options)
@@ -104,27 +132,17 @@ def run_command(options: argparse.Namespace) -> int:
     if options.count < 1:
         raise ArgumentError(f"--count = {options.count}: must be at least 1", id="out-of-range")
     with prefix_errors(options.scene):
-        chain = lump(open_chain(scene))
-        names = {*chain.link_names, *chain.joint_names}
-        locked = [int(name) if name.isdecimal() and name not in names else name for name in options.lock]
-        wrench, frame = initial_wrench(scene, chain)
-        posture = initial_state(scene, chain)[0]
-        if options.rate:
-            refuse_ties(scene.ties, "--rate and ties together are not supported")
-            rates, count = rates_of(chain, options.rate), options.count
-            found = modes_in_motion(chain, rates, posture, tip_wrench=wrench, frame=frame, locked=locked, count=count)
-            first = first_in_motion(found, options.rate)
-        else:
-            found = modes(
-                chain, posture, locked=locked, tip_wrench=wrench, frame=frame, count=options.count, ties=scene
-            )
-            at_rest = first_elastic(elastic_hertz(scene, chain, posture)) if not scene.ties else ""
-            first = at_rest or first_in_motion(found, ["ties"])
+        chain, found, first = _modes(scene, options)
+        if options.uncertain:
+            expected = intervals(scene, lambda varied: _predicted(varied, options))
+            names = [*(f"tip {x} at rest [m]" for x in "xyz"), *(f"mode {k + 1} [Hz]" for k in range(len(found.hertz)))]
     if options.json:
         options.document = {"scene": scene.name, "modes": as_document(found), "summary": first}
+        options.document |= {"intervals": expected.document(names)} if options.uncertain else {}
     else:
         print_modes(scene, found, range(len(found.eigenvalues)))
         print(first)
+        print(*(expected.lines(names) if options.uncertain else ()), sep="\n", end="\n" * options.uncertain)
     if options.plot is not None:
         save_plot(drawing_module("results.plotting").plot_modes(found, chain, options.count), options.plot)
     return 0

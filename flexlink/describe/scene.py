@@ -31,7 +31,7 @@ from flexlink.describe.reference import Reference
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.run_settings import RunSettings, implied, of_run_alone
 from flexlink.describe.sensor import Sensor, sensor_mistakes
-from flexlink.describe.spec import Positive, Spec, Vector3, measured_in
+from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, measured_in
 from flexlink.describe.tie import Tie, stops_of, tie_mistakes
 from flexlink.describe.vary import apply_changes, as_document, parts_by_key, to_document, top_level_keys, values_at
 from flexlink.describe.writing import toml_of, without_defaults
@@ -75,6 +75,13 @@ class Scene(Spec, frozen=True):
     """What joint limits do. Default: a run that exceeds them warns."""
     run: RunSettings = RunSettings()
     """Integration settings."""
+    uncertain: dict[str, NonNegative] = msgspec.field(default_factory=dict)
+    """Standard uncertainties of inputs, by path: "material.steel.young" = 0.02. Each is relative to its value, or in
+    its unit if the value is 0. That of the `root_stiffness` of a link without one is of EI / (k L): 0.02 by default, 0
+    for a rigid clamp. With --uncertain, `flexlink modes` and `simulate` give intervals."""
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.arm, self.initial, self.gravity, self.drive, self.wrench, self.run))
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -100,12 +107,19 @@ class Scene(Spec, frozen=True):
             lambda: checks.check_wrench(arm, self.wrench),
             lambda: spec.raise_together(sensor_mistakes(self.sensor, arm)),
             lambda: spec.raise_together(tie_mistakes(self.ties, arm, self.sensor)),
+            self._check_uncertain,
         ])  # fmt: skip
 
     def _check_air(self) -> None:
         if self.air_density is not None and not self.arm.has_drag:
             remedy = "give one, such as link.NAME.drag = { coefficient = 1.2 }, or leave it out"
             raise self._refused("air_density", f"has no effect; no link has drag; {remedy}", "no-effect")
+
+    def _check_uncertain(self) -> None:
+        if self.uncertain:
+            from flexlink.describe.uncertain import inputs_of  # noqa: PLC0415  it describes scenes
+
+            inputs_of(self, FIELDS)
 
     def _read_files(self) -> None:
         """Read tables in files into the scene; a joint whose motion is in a file starts at the file's first row."""
@@ -346,6 +360,7 @@ class Scene(Spec, frozen=True):
         order = (
             "name", "about", "gravity", "air_density", "base", "material", "section", "rigidity", "link", "tip",
             "initial", "drive", "motion", "wrench", "sensor", "tie", "limits", "run",
+            "uncertain",
         )  # fmt: skip
         written = {key: document[key] for key in order if key in document and document[key] != {}}
         return toml_of(written, inline=frozenset({"base"}))

@@ -42,31 +42,15 @@ WITHOUT_WRENCH = {name: term for name, term in QUANTITIES.items() if "wrench" no
 
 @dataclasses.dataclass(frozen=True)
 class Diagnosis:
-    """Agreement and differences of one engine, and their causes.
-
-    Attributes
-    ----------
-    engine
-        Name of the engine.
-    rows
-        Compared quantities.
-    findings
-        Differences in what the engine has read, the largest effect first and lost digits last; for flexlink's exports,
-        they are only computed if a quantity differs.
-    explained
-        Whether native dynamics with the numbers that the engine has read agree with the engine; None if not computed.
-    notes
-        Additional information.
-    left_out
-        Contents of the file that are not compared.
-    """
+    """Agreement and differences of one engine, and their causes."""
 
     engine: str
-    rows: tuple[Difference, ...]
+    rows: tuple[Difference, ...]  # compared quantities
+    # in what the engine has read, largest effect first, lost digits last; of exports only if a quantity differs
     findings: tuple[Finding, ...] = ()
-    explained: bool | None = None
+    explained: bool | None = None  # whether native dynamics with these numbers agree with the engine; None: unknown
     notes: tuple[Diagnostic, ...] = ()
-    left_out: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()  # contents of the file that are not compared
 
     @property
     def passed(self) -> bool:
@@ -143,8 +127,7 @@ def diagnose_file(
     if match is None:
         return Diagnosis(engine.name, (), tuple(findings), notes=tuple(errors))
     engine.fill_missing(_missing(ours, read, match))
-    matched = Reordered(engine, match.order)
-    native, rows = NativeEngine(chain), tuple[Difference, ...]()
+    matched, native, rows = Reordered(engine, match.order), NativeEngine(chain), tuple[Difference, ...]()
     try:
         rows = compare_engines(chain, native, [matched], states, quantities=WITHOUT_WRENCH, progress=progress)
         engine.neutralize_settings()  # settings are separate findings; after this only numbers may differ
@@ -212,8 +195,7 @@ def _explain(
             compared = compare_engines(exact, native, [other], some, quantities=defined)
         return {row.quantity: row.error for row in compared if not row.error <= tolerance} | singular
 
-    right = NativeEngine(to_chain(of_chain(chain), chain))
-    each = []
+    right, each = NativeEngine(to_chain(of_chain(chain), chain)), []
     for finding in findings:
         errors = {} if finding.faulty is None else differing(finding.faulty, right)
         effect = errors.get(singular_mass, errors.get("q̈", finding.effect))

@@ -23,33 +23,17 @@ PLACED = 1e-11  # relative tolerance for numbers that are rotated into frame 0 j
 
 @dataclasses.dataclass(frozen=True)
 class Finding:
-    """A difference in what an engine has read, with the mistake that explains it.
+    """A difference in what an engine has read, with the mistake that explains it."""
 
-    Attributes
-    ----------
-    what
-        The field, the joints, the number in the file and the expected number; for a setting, its value.
-    likely, remedy
-        The likely mistake, and its remedy.
-    id
-        Stable id of the kind of difference, for example "mass-differs".
-    faulty
-        flexlink's record with this mistake; None if records do not contain what differs.
-    counts
-        Whether the difference changes simulations; otherwise it is only a note.
-    affects
-        Quantities of the equation of motion that change if only this mistake is made.
-    effect
-        Largest error of q̈ by this mistake alone, relative to the rounding bound; infinite if no joint is comparable.
-    """
-
-    what: str
-    likely: str
+    what: str  # field, joints, number in the file and expected number; for a setting, its value
+    likely: str  # the likely mistake
     remedy: str
-    id: str
+    id: str  # stable id of the kind of difference, for example "mass-differs"
+    # flexlink's record with this mistake; None if records do not contain what differs
     faulty: ReadBack | None = dataclasses.field(default=None, repr=False, compare=False)
-    counts: bool = True
-    affects: tuple[str, ...] = ()
+    counts: bool = True  # whether the difference changes simulations; otherwise it is only a note
+    affects: tuple[str, ...] = ()  # quantities of the equation of motion that change if only this mistake is made
+    # largest error of q̈ by this mistake alone, relative to the rounding bound; infinite if no joint is comparable
     effect: float = dataclasses.field(default=0.0, repr=False, compare=False)
 
     @property

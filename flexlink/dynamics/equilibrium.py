@@ -34,35 +34,19 @@ from flexlink.kernels.derivatives.static_continuation import follow_equilibria
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Equilibrium(SavedResult):
-    """A configuration in which all torques balance.
+    """A configuration in which all torques balance."""
 
-    Attributes
-    ----------
-    q
-        Angles [rad], shape (n,).
-    tau
-        T_EX in the equilibrium, shape (n,) [N m]: the holding torque T_GC + T_FL of locked and prescribed coordinates;
-        the given torque of all others. `linearize(chain, rest.q, tau=rest.tau)` then has ẋ = 0.
-    residual
-        Largest residual torque on a coordinate that is not locked [N m].
-    stable
-        True if no eigenvalue of the tangent stiffness has a negative real part beyond rounding error. A neutral joint
-        counts as stable. (Flutter under a follower wrench is not detected here, but by `modes`.)
-    path
-        Points (s, q) of all steps, shape (steps, 1 + n); s is the load factor.
-    slides
-        Mask of the sliding joints, shape (n,).
-    tie_names, tie_values
-        Name of the tie of each value, and the value, of `tie_forces`.
-    """
-
-    q: Array
+    q: Array  # angles [rad], (n,)
+    # T_EX there, (n,) [N m]: the holding torque T_GC + T_FL of locked and prescribed coordinates, the given torque of
+    # all others; `linearize(chain, rest.q, tau=rest.tau)` then has ẋ = 0
     tau: Array
-    residual: float
+    residual: float  # largest residual torque on a coordinate that is not locked [N m]
+    # whether no eigenvalue of the tangent stiffness has a negative real part beyond rounding error, neutral ones aside
+    # (flutter under a follower wrench is not detected here, but by `modes`)
     stable: bool
-    path: Array
-    slides: NDArray[np.bool_]
-    tie_names: tuple[str, ...] = ()
+    path: Array  # points (s, q) of all steps, (steps, 1 + n); s is the load factor
+    slides: NDArray[np.bool_]  # mask of the sliding joints, (n,)
+    tie_names: tuple[str, ...] = ()  # name of the tie of each value, and the value, of `tie_forces`
     tie_values: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
 
     @property
@@ -276,8 +260,7 @@ def buckling_loads(
     """
     n = require_type("chain", chain, Chain).n
     q = chain.rest.copy() if q is None else vector("q", q, n)
-    wrench = wrench_vector(tip_wrench)
-    free = unlocked(chain, locked)
+    wrench, free = wrench_vector(tip_wrench), unlocked(chain, locked)
     elastic, still = about(chain, q), np.zeros(n)
     K, load = elastic.matrix("stiffness"), stiffness_matrix(chain, q, still, wrench)
     tied = tied_state(ties, chain, LoadedState(q, still, wrench, False, free), moves=False)

@@ -58,15 +58,7 @@ class SavedResult(Result):
     """A result that consists of arrays, numbers and tuples of strings, and can be saved in a file."""
 
     def save(self, path: str | Path) -> Path:
-        """Write all fields into an .npz archive, atomically; `load` restores them bit for bit.
-
-        Raises
-        ------
-        ArgumentError
-            The name does not end in .npz.
-        OutputError
-            The file cannot be written.
-        """
+        """Write all fields into an .npz archive, or raise an OutputError; `load` restores them bit for bit."""
         path = archive_path(path)
         fields = {name: np.array(part, str) if type(part) is tuple else part for name, part in vars(self).items()}
         write_whole(path, lambda temporary: write_archive(temporary, fields))
@@ -74,15 +66,7 @@ class SavedResult(Result):
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Read a file written by `save`.
-
-        Raises
-        ------
-        ArgumentError
-            The name does not end in .npz.
-        DataFileError
-            The file is missing, or contains something else.
-        """
+        """Read a file written by `save`; a DataFileError if it is missing, or contains something else."""
         arrays = read_archive(path)
         fields = dataclasses.fields(cls)  # type: ignore[arg-type]
         needed = {field.name for field in fields if field.default is field.default_factory is dataclasses.MISSING}

@@ -140,24 +140,9 @@ def _contents(link: ET.Element, body: np.void | None, shown: list[Capsule]) -> N
 
 
 def read_urdf(text: str | bytes, *, what: str = "the URDF") -> Chain:
-    """Read a URDF file written by `to_urdf` back to its chain; use `import_urdf` for other URDF files.
+    """Read a URDF file written by `to_urdf`, numbers may be edited, back to its chain; `what`: its name in messages.
 
-    Parameters
-    ----------
-    text
-        The document; its numbers may have been edited.
-    what
-        Name of the document in messages, for example its path.
-
-    Returns
-    -------
-    Chain
-        The chain, with exactly the numbers and rotations that were written.
-
-    Raises
-    ------
-    DataFileError
-        The file was not written by flexlink, or a number is missing, not finite, negative, or contradicts another.
+    A DataFileError: flexlink has not written it, or a number is missing, not finite, negative, or contradicts another.
     """
     ignored = frozenset({"visual", "material"})
     return reading.read(text, what, tag="robot", to_chain=_chain, write=to_urdf, ignored=ignored)
@@ -174,8 +159,7 @@ def _chain(robot: Node) -> Chain:
         End(joint, reading.link_of(joint.one("flexlink"), "link", links), _parent(joint, behind), *_read_place(joint))
         for joint in robot.all("joint[@type='fixed']")
     ]
-    coupled = own.all("coupling")
-    mass, gravity = _read_body(robot.one("link")), own.numbers(3, "gravity")
+    coupled, mass, gravity = own.all("coupling"), _read_body(robot.one("link")), own.numbers(3, "gravity")
     return reading.chain_of(robot, own, "", gravity, links, hinges, ends, mass, coupled)
 
 

@@ -16,39 +16,19 @@ from flexlink.results.trajectory import Trajectory
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Sensitivities(Result):
-    """A run and its derivatives with respect to p parameters of the scene, per unit of each parameter.
-
-    Attributes
-    ----------
-    run
-        The run itself.
-    parameters
-        Paths of the parameters.
-    values
-        Values of the parameters, shape (p,).
-    q, qd
-        ∂q/∂p and ∂q̇/∂p at the samples, shape (samples, n, p) [rad, rad/s per unit].
-    tip
-        ∂tip/∂p in frame 0, shape (samples, 3, p) [m per unit].
-    q_error, qd_error, tip_error
-        Estimates of the largest error of these derivatives for each parameter, shape (p,), in the same units.
-    step
-        Step in each parameter between the runs whose differences are taken, shape (p,), in units of the parameter.
-    runs
-        The runs whose differences are taken.
-    """
+    """A run and its derivatives with respect to p parameters of the scene, per unit of each parameter."""
 
     run: Trajectory
-    parameters: tuple[str, ...]
-    values: Array
-    q: Array
+    parameters: tuple[str, ...]  # their paths
+    values: Array  # of the parameters, (p,)
+    q: Array  # ∂q/∂p and ∂q̇/∂p at the samples, (samples, n, p) [rad, rad/s per unit]
     qd: Array
-    tip: Array
-    q_error: Array
+    tip: Array  # ∂tip/∂p in frame 0, (samples, 3, p) [m per unit]
+    q_error: Array  # estimated largest error of these derivatives for each parameter, (p,), in the same units
     qd_error: Array
     tip_error: Array
-    step: Array
-    runs: RunSlopes
+    step: Array  # in each parameter between the runs whose differences are taken, (p,)
+    runs: RunSlopes  # the runs whose differences are taken
 
     def column(self, name: str) -> Array:
         """∂y/∂p of a column of the run, such as a sensor reading, shape (samples, p) [its unit per unit].
@@ -71,12 +51,7 @@ class Sensitivities(Result):
         return self._column(name)[0]
 
     def column_error(self, name: str) -> Array:
-        """Estimate of the largest error of `column` for each parameter, shape (p,) [its unit per unit].
-
-        Raises
-        ------
-        ArgumentError
-            As in `column`.
+        """Estimated largest error of `column` for each parameter, shape (p,) [its unit per unit].
 
         Examples
         --------

@@ -111,20 +111,10 @@ class SimulatorBatch:
         return State(self.time, q, qd)
 
     def step(self, tau: ArrayLike | None = None, *, duration: float | None = None) -> State:
-        """Advance all arms under constant torques, and return the state at the end.
-
-        Parameters
-        ----------
-        tau
-            T_EX of the driven joints of every arm (`chains[k].active`) [N m], shape (N, d), which replaces the drive of
-            the scenes; None: that drive acts.
-        duration
-            Duration [s], a multiple of the step; None: `run.sample`.
+        """Advance all arms as `Simulator.step`, under torques (N, d) of the driven joints; return the state at the end.
 
         Raises
         ------
-        ArgumentError
-            Torques of the wrong shape or not finite; a duration that is not a multiple of the step.
         DivergenceError
             The state of some arms, whose numbers are in the error's `arms`, is no longer finite, or their energy does
             not balance. All arms stay in their state before this call; `reset` those that failed.
@@ -170,8 +160,7 @@ class SimulatorBatch:
         UnstableStepError
             The step is larger than the largest stable one in such a state.
         """
-        numbers = self._numbers(arms)
-        scene = self._blocks[0].members[0].problem.scene
+        numbers, scene = self._numbers(arms), self._blocks[0].members[0].problem.scene
         if arms is not None and (scene.motion or scene.drive.kind != "none"):
             why = "the drive or motion of the scenes depends on time, so all arms restart together"
             raise ArgumentError(f"arms: {why}; leave arms out", id="together-only")
@@ -229,8 +218,7 @@ class _Eight:
 
     def __init__(self, members: Sequence[Member]) -> None:
         self.members, block = members, Block(members, Kept())
-        self.records, self.monitors = block.records, block.monitors
-        self.run, n = block.run, block.chain.n
+        self.records, self.monitors, self.run, n = block.records, block.monitors, block.run, block.chain.n
         q, qd = (np.array(each) for each in zip(*((m.problem.q, m.problem.qd) for m in members), strict=True))
         self.state: tuple[Array, Array, Array] = in_lanes(q), in_lanes(qd), np.zeros((1, LANES))
         for monitor, member in zip(self.monitors, members, strict=True):

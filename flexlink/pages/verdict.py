@@ -62,21 +62,11 @@ class Chapter:
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Report:
-    """A report on disk.
+    """A report on disk."""
 
-    Attributes
-    ----------
-    page
-        Path of index.html.
-    verdicts
-        Verdicts on the first screen of the page.
-    chapters
-        Chapters of the page, in order.
-    """
-
-    page: Path
-    verdicts: tuple[Verdict, ...]
-    chapters: Sequence[Chapter]
+    page: Path  # of index.html
+    verdicts: tuple[Verdict, ...]  # on the first screen of the page
+    chapters: Sequence[Chapter]  # of the page, in order
 
     def __repr__(self) -> str:
         words = ", ".join(f"{verdict.about} {verdict.word}" for verdict in self.verdicts)

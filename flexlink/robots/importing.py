@@ -47,28 +47,16 @@ NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class ImportResult:
-    """The imported robot.
+    """The imported robot."""
 
-    Attributes
-    ----------
-    scene
-        The arm, at rest in the given configuration, without a drive.
-    path
-        Joints, bodies and positions from which the scene was built.
-    largest_beams
-        For each link, the largest mass [kg] of a thin beam from joint to joint; 0 if the joints coincide.
-    notes
-        One line for each joint or link that was folded, fixed or ignored, loop, and flexible link, and for each element
-        or attribute that acts on the motion in some program and is not read.
-    warnings
-        Doubtful results: angles that are likely in degrees, a beam much lighter than its link, an inertia that no real
-        body has, a joint that mimics a moving one, or a stiffness or rotor that is not read.
-    """
-
-    scene: Scene
-    path: Paths = dataclasses.field(compare=False)
-    largest_beams: Mapping[str, float]
+    scene: Scene  # the arm, at rest in the given configuration, without a drive
+    path: Paths = dataclasses.field(compare=False)  # joints, bodies and positions from which the scene was built
+    largest_beams: Mapping[str, float]  # largest mass [kg] of a thin beam between joints, by link; 0 if they coincide
+    # on joints and links that were folded, fixed or ignored, loops, flexible links, and what acts in some program but
+    # is not read
     notes: tuple[Diagnostic, ...]
+    # angles that are likely in degrees, a beam much lighter than its link, an inertia that no real body has, a joint
+    # that mimics a moving one, a stiffness or rotor that is not read
     warnings: tuple[Diagnostic, ...]
 
     def __repr__(self) -> str:
@@ -391,8 +379,7 @@ def _weight(joint: TreeJoint, body: SpatialInertia, gravity: Array) -> float:
 def clamped_frequency(scene: Scene, link: str) -> float:
     """First frequency [Hz] of a link clamped at its joint, all beyond it rigid, at the start, without gravity."""
     chain = lump(scene.varied({"gravity": (0.0, 0.0, 0.0)}))
-    number = scene.arm.number(link)
-    q = np.zeros(chain.n)
+    number, q = scene.arm.number(link), np.zeros(chain.n)
     q[chain.active] = scene.joint_positions[[chain.coordinate(k).link - 1 for k in chain.active]]
     others = [k for k in range(chain.n) if chain.coordinate(k).link != number or chain.coordinate(k).kind is Kind.JOINT]
     return float(natural_frequencies(chain, q, locked=others)[0] / (2 * np.pi))

@@ -1,8 +1,4 @@
-"""Values of a sweep as plain data: lists, ranges and random samples.
-
-A grid takes every combination of its axes; keys whose values are paired form one axis. A sample draws points of the
-unit cube, with one coordinate per key, and its spreads map them to values.
-"""
+"""Values of a sweep: lists, ranges and random samples, on a grid of axes or mapped by spreads from a unit cube."""
 
 import dataclasses
 import functools
@@ -297,8 +293,7 @@ def _directions(dimensions: int, length: int, seed: int) -> tuple[NDArray[np.int
     def next_point() -> NDArray[np.int64]:
         return np.asarray(np.ldexp(engine.random(1)[0], DIGITS), dtype=np.int64)
 
-    start = next_point()
-    directions = np.zeros((length, dimensions), dtype=np.int64)
+    start, directions = next_point(), np.zeros((length, dimensions), dtype=np.int64)
     for i in range(length):
         if ahead := 2 ** (i + 1) - 1 - engine.num_generated:
             engine.fast_forward(ahead)

@@ -27,40 +27,21 @@ class LinearModel(SavedResult):
 
     With `dt` > 0 it is a discrete-time model, x_k+1 = A x_k + B u_k. For the design of controllers use a `reduced`
     model: SciPy and python-control lose all digits on models of many stiff states. `scipy()` and `control()` convert.
-
-    Attributes
-    ----------
-    A, B, C, D
-        Shapes (2n + f, 2n + f), (2n + f, m), (p, 2n + f), (p, m), in SI units and radians. f is the number of states
-        of the sensors' filters, 0 without sensors.
-    x, u, y
-        State (q, q̇, z), inputs and outputs about which the model is linearized, shapes (2n + f,), (m,), (p,).
-    rate
-        ẋ = (q̇, q̈, ż) at x, shape (2n + f,); zero at an equilibrium.
-    states, inputs, outputs
-        Names with units: "q upper [rad]", "tau upper [N m]", "tip x [m]".
-    delays
-        Delay of each output relative to C δx + D δu [s], shape (p,); zero except for sensors with a delay.
-    dt
-        Sampling period [s]; 0: continuous time.
-    eigenvalues
-        Eigenvalues of A [1/s], shape (2n + f,), slowest first. A very stiff joint does not reduce the accuracy of slow
-        eigenvalues. Discrete time: z, the largest magnitude first.
     """
 
-    A: Array
-    B: Array
-    C: Array
-    D: Array
-    x: Array
+    A: Array  # (2n + f, 2n + f), f states of the sensors' filters; in SI units and radians
+    B: Array  # (2n + f, m)
+    C: Array  # (p, 2n + f)
+    D: Array  # (p, m)
+    x: Array  # state (q, q̇, z), inputs and outputs about which the model is linearized, (2n + f,), (m,), (p,)
     u: Array
     y: Array
-    rate: Array
-    states: tuple[str, ...]
+    rate: Array  # ẋ = (q̇, q̈, ż) at x, (2n + f,); zero at an equilibrium
+    states: tuple[str, ...]  # names with units: "q upper [rad]", "tau upper [N m]", "tip x [m]"
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    delays: Array
-    dt: float = 0.0
+    delays: Array  # of each output relative to C δx + D δu [s], (p,); zero except for sensors with a delay
+    dt: float = 0.0  # sampling period [s]; 0: continuous time
 
     @property
     def eigenvalues(self) -> Complex:
@@ -150,8 +131,7 @@ class LinearModel(SavedResult):
         self._require_continuous()
         period, late = 1.0 / positive("rate", rate), positive("delay", delay) if delay else 0.0
         (A, B, C, D), queues = discrete((self.A, self.B, self.C, self.D), period, late, self.delays)
-        ago = delay_in(period, late).samples
-        names = zip(self.outputs, queues, strict=True)
+        ago, names = delay_in(period, late).samples, zip(self.outputs, queues, strict=True)
         states = [f"{name}, {k} ago" for name in self.inputs for k in range(1, ago + 1)]
         states += [f"{name}, {k} ago" for name, count in names for k in range(1, count + 1)]
         x = np.concatenate([self.x, np.repeat(self.u, ago), np.repeat(self.y, queues)])

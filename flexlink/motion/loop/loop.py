@@ -31,12 +31,9 @@ from flexlink.motion.sampled_control import Law, takes_sensors
 class Pole(NamedTuple):
     """A pole of the closed loop."""
 
-    z: complex
-    """Factor per sampling period; for a continuous law, the eigenvalue s [1/s]."""
-    s: complex
-    """Eigenvalue [1/s], ln(z)/T; frequencies above half the rate appear below it."""
-    motion: str
-    """What moves: "bending of 'boom'", "joint 'boom'", or "controller"."""
+    z: complex  # factor per sampling period; for a continuous law, the eigenvalue s [1/s]
+    s: complex  # eigenvalue [1/s], ln(z)/T; frequencies above half the rate appear below it
+    motion: str  # what moves: "bending of 'boom'", "joint 'boom'", or "controller"
 
     @property
     def hertz(self) -> float:
@@ -46,30 +43,16 @@ class Pole(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Loop:
-    """Small motion of an arm under its controller about a state.
-
-    Attributes
-    ----------
-    scene
-        The scene.
-    rate, delay
-        Sampling rate [Hz], 0 for a continuous law, and delay of the torques [s].
-    plant, law
-        Linear arm, held at rest, and linear law.
-    drive, control
-        The drive of the scene, and the law in Python that replaces it, or None.
-    about
-        Angles (n,) [rad] and time [s] about which the loop is linearized; None: those at the start of the scene.
-    """
+    """Small motion of an arm under its controller about a state."""
 
     scene: Scene
-    rate: float
+    rate: float  # of sampling [Hz], 0 for a continuous law, and delay of the torques [s]
     delay: float
-    plant: Plant
+    plant: Plant  # the linear arm, held at rest
     law: LinearLaw
-    drive: Drive
-    control: Law | None = None
-    about: tuple[Array | None, float | None] = (None, None)
+    drive: Drive  # of the scene
+    control: Law | None = None  # law in Python that replaces it
+    about: tuple[Array | None, float | None] = (None, None)  # angles (n,) [rad] and time [s]; None: at the start
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -111,17 +94,7 @@ class Loop:
     def response(self, hertz: ArrayLike, input: int | str = 0) -> Complex:
         """Frequency response L of the loop broken at an input, shape (k,); the closed loop is stable about 1 + L ≠ 0.
 
-        Parameters
-        ----------
-        hertz
-            Frequencies, shape (k,) [Hz], up to half the sampling rate.
-        input
-            Number or name of the input.
-
-        Raises
-        ------
-        ArgumentError
-            A frequency is not in the range, or there is no such input.
+        `hertz`: frequencies, (k,) [Hz], up to half the sampling rate; `input`: its number or name. Others are refused.
         """
         f = np.atleast_1d(np.asarray(hertz, np.float64))
         top = self.rate / 2 if self.rate else np.inf
@@ -136,8 +109,7 @@ class Loop:
         ----------
         path
             "drive.delay" [s], "drive.rate" [Hz] (the smallest stable rate), "gain", a factor of all torques of the law,
-            or any number of the scene, such as "drive.kd" or "tip.mass"; lists of numbers are scaled together, and the
-            result is the factor.
+            or any number of the scene, such as "drive.kd" or "tip.mass"; lists are scaled together, by the result.
 
         Returns
         -------
@@ -189,15 +161,7 @@ class Loop:
         return loop(scene, control=self.control, rate=self.rate or None, delay=self.delay, q=q, t=t)
 
     def plot(self, kind: str = "bode", input: int | str = 0) -> Any:
-        """Draw the loop broken at an input, "bode" or "nyquist", or its "poles"; return a matplotlib Figure.
-
-        Raises
-        ------
-        ArgumentError
-            There is no such kind or input.
-        MissingDependencyError
-            matplotlib is not installed.
-        """
+        """Draw the loop broken at an input, "bode" or "nyquist", or its "poles"; return a matplotlib Figure."""
         require_one_of("kind", kind, dict.fromkeys(("bode", "nyquist", "poles")))
         drawing = drawing_module("results.plotting")
         if kind == "poles":

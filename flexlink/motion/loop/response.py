@@ -21,20 +21,13 @@ from flexlink.motion.loop.law import LinearLaw, OpenLoop
 class Margins(NamedTuple):
     """Margins of a stable loop broken at one input; all are nan if the loop is unstable."""
 
-    input: str
-    """Name of the input, such as "tau upper [N m]"."""
-    gain: tuple[float, float]
-    """Factors of the torque between which the loop remains stable, such as (0, 3.2)."""
-    phase: float
-    """Smallest phase shift that makes the loop unstable [deg]; inf if none does."""
-    delay: float
-    """Smallest additional delay of this input that makes the loop unstable [s]; inf if none does."""
-    disk: float
-    """Disk margin α."""
-    bandwidth: float
-    """Highest frequency at which |L| = 1 [Hz]; nan if |L| < 1 everywhere."""
-    sensitivity: float
-    """Largest |S| = |1/(1 + L)|."""
+    input: str  # name of the input, such as "tau upper [N m]"
+    gain: tuple[float, float]  # factors of the torque between which the loop remains stable, such as (0, 3.2)
+    phase: float  # smallest phase shift that makes the loop unstable [deg]; inf if none does
+    delay: float  # smallest additional delay of this input that makes the loop unstable [s]; inf if none does
+    disk: float  # disk margin α
+    bandwidth: float  # highest frequency at which |L| = 1 [Hz]; nan if |L| < 1 everywhere
+    sensitivity: float  # largest |S| = |1/(1 + L)|
 
 
 class Response:
@@ -42,8 +35,7 @@ class Response:
 
     def __init__(self, plant: OpenLoop, law: LinearLaw, i: int) -> None:
         T, U = scipy.linalg.schur(plant.closed(law, broken=i), output="complex")
-        self._T, self.period = T, plant.period
-        b = np.concatenate([plant.B[:, i], np.zeros(len(law.F))])
+        self._T, self.period, b = T, plant.period, np.concatenate([plant.B[:, i], np.zeros(len(law.F))])
         self._b, self._c = U.conj().T @ b, -plant.feedback(law)[i] @ U
 
     def __call__(self, ω: Array) -> Complex:
@@ -58,8 +50,7 @@ class Response:
     def grid(self) -> Array:
         """Angular frequencies that resolve every resonance, up to half the sampling rate, shape (k,) [rad/s]."""
         # relative distances from a pole at which L is evaluated, and the span of the grid beyond the slowest pole
-        near, below = np.logspace(-9, -0.5, 35), 1e-3
-        poles = np.diag(self._T)
+        near, below, poles = np.logspace(-9, -0.5, 35), 1e-3, np.diag(self._T)
         if self.period:
             poles = np.log(poles[np.abs(poles) > 1e-6]) / self.period
         ω, σ = np.abs(poles.imag), np.abs(poles)
