@@ -56,7 +56,7 @@ class Compiling(Line):
 
 @contextlib.contextmanager
 def announced() -> Iterator[None]:
-    """Announce compilations; print Python warnings in one line, but not NumPy's: errors tell of such numbers."""
+    """Announce compilations; print Python warnings in one line, but not NumPy's: errors report such numbers."""
 
     def show(message: Warning | str, *_: object) -> None:
         print(f"flexlink: warning: {' '.join(str(message).split())}", file=sys.stderr)

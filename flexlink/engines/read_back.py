@@ -84,7 +84,7 @@ class ReadBack:
         return len(self.names)
 
     def in_order(self, order: Indices, bodies: Indices | None = None, **fields: Any) -> "ReadBack":
-        """The record with joint `order[k]` as joint k, and bodies likewise (or by `bodies`); `fields` are replaced."""
+        """The record with joint `order[k]` as joint k, and its body (or `bodies`); `fields` are replaced."""
         bodies = order if bodies is None else bodies
         place = np.append(np.argsort(order), -1)  # the base, −1, stays −1
         of_joints = (*AXIS_FIELDS, "frames", "slides", *JOINT_FIELDS, *ACTUATOR_FIELDS)

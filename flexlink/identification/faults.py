@@ -1,4 +1,4 @@
-"""Score tests at the solution: physics that the scene lacks, and faults of instruments, that explain what is left.
+"""Score tests at the solution: physics that the scene lacks, and faults of instruments, that explain the residuals.
 
     e = J θ + S δ + w        w = noise, whitened by AR models of the columns
 
@@ -150,7 +150,7 @@ def _timings(search: Search) -> list[Cause]:
 
 def _refitted(search: Search, found: Found, cause: Cause) -> list[Refit]:
     """The fit with one more unknown, the better one from the initial guess and from the solution; none if it fails."""
-    most = 12  # number of evaluations, which are enough to tell causes apart
+    most = 12  # number of evaluations, which are enough to distinguish causes
     unknown, plain = cause.unknown, [[white(block) for block in part] for part in found.blocks]
     longer = Search(Signals(cause.sources, [*search.coordinates, unknown]), search.loss)
     starts = [np.append(x, unknown.x(cause.tried[0])) for x in (guess_of(search.coordinates), found.x)]

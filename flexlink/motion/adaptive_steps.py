@@ -28,7 +28,7 @@ NEAR = 1e-9  # fraction of the sampling interval within which two times count as
 
 
 class AdaptiveSteps(MethodSteps):
-    """Adaptive or implicit stepper; `failure` says why a run ended early, `passes` lets steps go beyond samples."""
+    """Adaptive or implicit stepper; `failure`: why a run ended early, `passes` lets steps go beyond samples."""
 
     def __init__(
         self, record: Record, control: Control | None = None, *, halved: bool = False, passes: bool = True

@@ -30,7 +30,19 @@ from flexlink.kernels.tools.finite import is_finite
 from flexlink.motion.inputs.actuation import LINEAR, input_arrays, of_kind
 from flexlink.results.trajectory import Trajectory
 
-SUPPORTED = {"name", "about", "arm", "initial", "gravity", "air_density", "drive", "wrench", "sensor", "run"}
+SUPPORTED = {
+    "name",
+    "about",
+    "arm",
+    "initial",
+    "gravity",
+    "air_density",
+    "drive",
+    "wrench",
+    "sensor",
+    "run",
+    "uncertain",
+}
 """Fields of a scene that the gradient takes into account, or that do not act on the motion; all others are refused."""
 
 

@@ -1,7 +1,7 @@
 """Statistics of the outputs of a sweep, gathered where its members run; their rows are not stored.
 
 A summary consists of whole numbers that are added: counts, and sums of powers of outputs, since every float64 is a
-multiple of 2⁻¹⁰⁷⁴. It is exact, so it does not depend on tasks, workers, parts and the order of members. Of an output y
+multiple of 2⁻¹⁰⁷⁴. It is exact, so it depends on no order of members, tasks and parts. An output y has
 
     mean, deviation, skewness, kurtosis   from Σ yᵖ, p = 1 … 4; each is rounded once
     quantiles                             from the number of values in classes, whose middle is right to 1/2048

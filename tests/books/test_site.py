@@ -41,7 +41,7 @@ KEY_PAGES = {
 WITHOUT_UNIT = {
     "FitParameter", "FitRun.noise", "Range", "Spread", "Element", "Jacobi", "RunSettings.max_evaluations",
     "Filter.numerator", "Filter.denominator", "DriveFilter", "ColumnExperiment.noise", "MotionExperiment.add",
-    "PriorExperiment.deviation",
+    "PriorExperiment.deviation", "Scene.uncertain", "Statistics.quantiles",
 }  # fmt: skip
 """Values that vary have the unit of their key; positions on an element, exponents and counts have none."""
 

@@ -7,7 +7,7 @@ The beam rotates about its root, w(x, t) = Σ φ_i(x) q_i(t) its deflection, φ_
     (J + qᵀ H q) θ̈ + cᵀ q̈ + 2 θ̇ qᵀ H q̇ = τ        c θ̈ + q̈ + K (q + T q̇) − θ̇² H q = f
 
 H is the mass matrix less the centrifugal stiffening. A record of a right model should pass; one of a wrong model
-should be told, or its estimates be within five standard deviations of the true values.
+should cause a warning, or its estimates be within five standard deviations of the true values.
 """
 
 import sys
@@ -215,16 +215,16 @@ def main(count: int, first: int = 0) -> None:
         found = fl.fit(problem)
         far = max(abs(found[path].value - value) / found[path].deviation for path, value in true.items())
         named = [str(one) for one in found.warnings if one.id.startswith("likely-")]
-        told = not found.explained or any(one.doubt for one in found.numbers)
+        warned = not found.explained or any(one.doubt for one in found.numbers)
         shares[f"{'wrong' if kind else 'right'}"] += 1
         shares["right, explained"] += not kind and found.explained
-        shares["wrong, told or within 5"] += bool(kind) and (told or far < 5)
-        shares["wrong, silent beyond 5"] += bool(kind) and not told and far >= 5
+        shares["wrong, warned or within 5"] += bool(kind) and (warned or far < 5)
+        shares["wrong, silent beyond 5"] += bool(kind) and not warned and far >= 5
         row = bool(kind) and WRONG[kind][1] != "no row"
-        shares["told, with a row"] += row and not found.explained
+        shares["warned, with a row"] += row and not found.explained
         shares["cause first"] += row and bool(named) and WRONG[kind][1] in named[0]
         floors = [f"{one.floor_from or 'unknown'} {one.within}" for one in found.columns if one.use == "fit"]
-        print(f"{seed:4} {kind or 'right':18} {'explained' if found.explained else 'told':9} off {far:5.1f} "
+        print(f"{seed:4} {kind or 'right':18} {'explained' if found.explained else 'warned':9} off {far:5.1f} "
               f"{time.process_time() - begun:5.1f} s  {floors} {named}", flush=True)  # fmt: skip
     print(dict(shares))
 

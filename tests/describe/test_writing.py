@@ -19,10 +19,10 @@ SCENES = sorted([*MODELS, *(ROOT / "validation" / "scenes").glob("*.toml")])
 
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
 def test_a_file_is_not_longer_than_the_one_it_was_read_from(path: Path) -> None:
-    """The original is written by hand, with an empty line between tables; comments do not count."""
+    """The original is written by hand, with an empty line between tables; comments and rows of numbers do not count."""
     text = fl.load_scene(path).to_toml()
     by_hand = path.read_text(encoding="utf-8")
-    assert text.count("\n") <= by_hand.count("\n") + 2
+    assert len(re.sub(r"(?m)^ *([-+.e\d]+,|\])\n", "", text).split("\n")) <= len(by_hand.split("\n")) + 2
     exported, written = (set(tomllib.loads(each)) for each in (text, by_hand))
     assert {"gravity"} <= exported <= written | {"gravity"}
 

@@ -98,7 +98,8 @@ def labels(*fields: str) -> str:
 @pytest.mark.parametrize("form", MADE)
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
 def test_no_mistake_is_named_in_our_own_file(path: Path, form: str, tmp_path: Path) -> None:
-    scene = fl.load_scene(path).varied({"motion": ()})
+    angles = {"link.*.lumping": "gauss"} if path.stem == "pazy_wing" else {}  # files with rotation springs are refused
+    scene = fl.load_scene(path).varied({"motion": (), **angles})
     chain = fl.lump(scene)
     if form == "mjcf" and path.stem == "stepped_beam":  # a rigidity table has no inertia about the beam's axis
         with refused(fl.errors.ArgumentError, "inertia-impossible"):

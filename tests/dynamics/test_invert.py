@@ -232,7 +232,8 @@ def test_a_missed_path_is_reported() -> None:
     for scene in two_links(), two_links(**{"drive.rate": 1000.0}):
         found = fl.invert(scene, tolerance=1e-12)
         assert not found.met
-        assert [warning.id for warning in found.warnings] == ["tip-off-path", "beam-off-path"]
+        ids = ["tip-off-path", "beam-off-path"]
+        assert [warning.id for warning in found.warnings] == ids
         for warning in found.warnings:
             reviewed(warning.id, str(warning), values=False)
 
@@ -305,7 +306,8 @@ def test_a_fast_move_of_three_segments_is_reported_and_has_no_fixed_step() -> No
     assert 0.75 * (exact - w**3) < found.beam_error < 1.15 * (exact + w**3)
     (warning,) = found.warnings
     reviewed(warning.id, str(warning), values=False)
-    assert fl.invert(scene.varied({"link.link.segments": 9})).beam_error < found.beam_error / 20
+    finer = scene.varied({"link.link.segments": 9})
+    assert fl.invert(finer).beam_error < found.beam_error / 20
 
 
 def test_the_error_of_a_beam_is_not_known_if_its_run_fails(raised: Inversion) -> None:

