@@ -136,7 +136,7 @@ def best_refits(search: Search, found: Found, named: Sequence[Fault], tried: Seq
     fits += sorted(timed, key=lambda fit: fit[2].cost)
     of_columns = max((one.score**2 / 2 for one in tried if one.cause is None and one.column), default=0.0)
     least = min([fit.cost for _, _, fit in fits] + [cost - of_columns])
-    alike = max(scipy.special.chdtri(1, LEVEL) / 2, (1 - AS_MUCH) * (cost - least))  # the data do not tell these apart
+    alike = max(scipy.special.chdtri(1, LEVEL) / 2, (1 - AS_MUCH) * (cost - least))  # the data do not distinguish these
     fits = [fit for fit in fits if fit[2].cost <= min(least + alike, hardly * least)]
     shown = {one.column for one in named if one.cause is not None}
     return fits if fits and (fits[0][0].column in shown or least < better * cost) else []
