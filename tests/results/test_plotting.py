@@ -84,7 +84,7 @@ def test_postures_end_at_the_tip_and_loads_are_largest_where_the_moment_is(run: 
         ends = np.column_stack([arm.get_xdata(), arm.get_ydata()])
         tip = np.array([path.get_xdata()[sample], path.get_ydata()[sample]])
         assert np.linalg.norm(ends - tip, axis=1).min() < 1e-12
-    np.testing.assert_array_equal(path.get_xdata(), run.tip[:, 0])
+    np.testing.assert_allclose(path.get_xdata(), run.tip[:, 0], rtol=1e-12)
     M = run.plot(what="loads").axes[2].lines[2]
     assert M.get_label().startswith("M_z at")
     assert np.abs(M.get_ydata()).max() == np.abs(run.loads.M_z).max()
