@@ -83,8 +83,8 @@ def step_function(model: Model) -> str:
 
 def slopes_by_rows(model: Model, values: Sequence[Real]) -> list[Real]:
     """Derivatives of values with respect to x and u, row by row."""
-    by = [model.tape.slopes(values, each) for each in (*model.x, *model.u)]
-    return [*itertools.chain.from_iterable(zip(*by, strict=True))]
+    columns = model.tape.slopes(values, (*model.x, *model.u))
+    return [*itertools.chain.from_iterable(zip(*columns, strict=True))]
 
 
 def template(file: str, name: str, words: Mapping[str, str] | None = None) -> str:

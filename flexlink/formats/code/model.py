@@ -130,8 +130,8 @@ def implicit_of(model: Model) -> tuple[Indices, Objects, Objects, Objects]:
     rate = np.array(model.rate, object)
     rate[m + free] = [tape.hold(each) for each in rate[m + free]]
     net = _net_torques(model, *_state(chain, model.x, model.u)[:3], all_motions(chain) @ rate[m:])[free].tolist()
-    M = -np.array([tape.slopes(net, each) for each in rate[m + free]], object)
-    N, known = (np.array([tape.slopes(rows, each) for each in by], object).T for rows in (net, rate.tolist()))
+    M = -np.array(tape.slopes(net, rate[m + free]), object)
+    N, known = (np.array(tape.slopes(rows, by), object).T for rows in (net, rate.tolist()))
     return m + free, M, N.reshape(len(free), len(by)), known
 
 

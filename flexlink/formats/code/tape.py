@@ -7,7 +7,7 @@ derivatives of all operations are written to the same tape, forward in the direc
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 
@@ -98,23 +98,21 @@ class Tape:
         self.operations.append(Operation("held", (value.line if isinstance(value, Number) else float(value),)))
         return Number(self, len(self.operations) - 1)
 
-    def slopes(self, values: Sequence[Real], by: Number) -> list[Real]:
-        """Derivatives of values with respect to an input or a held value."""
-        slopes: dict[int, Real] = {by.line: 1.0}
-        for line in self.needed(values, through_held=False):
-            if line not in slopes:
-                slopes[line] = self._slope(line, slopes)
-        return [slopes[value.line] if isinstance(value, Number) else 0.0 for value in values]
+    def slopes(self, values: Sequence[Real], by: Iterable[Number]) -> list[list[Real]]:
+        """Derivatives of values, a list for each input or held value."""
+        lines = self.needed(values, through_held=False)
+        return [self._slopes(values, lines, each.line) for each in by]
 
-    def _slope(self, line: int, slopes: dict[int, Real]) -> Real:
-        """Derivative of a line, from those of its operands."""
-        name, operands = self.operations[line]
-        if name in {"input", "held"}:
-            return 0.0
-        x = [Number(self, a) if isinstance(a, int) else a for a in operands]
-        d = [slopes[a] if isinstance(a, int) else 0.0 for a in operands]
-        found: Real = SLOPES[name](x, d, Number(self, line))
-        return found
+    def _slopes(self, values: Sequence[Real], lines: Sequence[int], by: int) -> list[Real]:
+        """Derivatives of values, which need these lines; lines that do not depend on `by` are left out."""
+        slopes: dict[int, Real] = {by: 1.0}
+        for line in lines:
+            name, operands = self.operations[line]
+            if line != by and name != "held" and any(a in slopes for a in operands if isinstance(a, int)):
+                x = [Number(self, a) if isinstance(a, int) else a for a in operands]
+                d = [slopes.get(a, 0.0) if isinstance(a, int) else 0.0 for a in operands]
+                slopes[line] = SLOPES[name](x, d, Number(self, line))
+        return [slopes.get(value.line, 0.0) if isinstance(value, Number) else 0.0 for value in values]
 
     def needed(self, values: Sequence[Real], *, through_held: bool = True) -> list[int]:
         """Lines on which values depend, in order."""
