@@ -61,7 +61,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     out the tests that take long.
     """
     if config.args == config.getini("testpaths"):
-        left_out = {item for item in items if not LONG.isdisjoint((item.nodeid, item.nodeid.partition("[")[0]))}
+        left_out = {
+            item
+            for item in items
+            if item.get_closest_marker("long") or not LONG.isdisjoint((item.nodeid, item.nodeid.partition("[")[0]))
+        }
         config.hook.pytest_deselected(items=left_out)
         items[:] = [item for item in items if item not in left_out]
     slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
