@@ -1,5 +1,6 @@
 """Every block of code on every page runs as written; the tables of the README are those of the stored study."""
 
+import csv
 import fnmatch
 import re
 import tomllib
@@ -119,6 +120,20 @@ def test_the_readme_is_short_and_has_the_numbers_of_the_stored_study() -> None:
     if not (ROOT / "reports" / "full").is_dir():
         pytest.skip("a source distribution has no stored study")
     assert readme.with_tables(README) == README, "python -m docs --readme"
+
+
+def test_the_readme_has_the_worst_ratio_of_the_study() -> None:
+    if not (ROOT / "reports" / "full").is_dir():
+        pytest.skip("a source distribution has no stored study")
+    for peer in readme.PEERS:
+        timed = [row for row in csv_rows("speed.csv") if row["quantity"].startswith(readme.PREPARED.format(peer))]
+        assert timed
+        assert f"lowest {min(float(row['value']) for row in timed):.2g} " in README
+
+
+def csv_rows(name: str) -> list[dict[str, str]]:
+    with (ROOT / "reports" / "full" / name).open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
 
 
 def test_the_paper_has_no_number_that_is_not_of_the_stored_study() -> None:
