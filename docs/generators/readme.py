@@ -107,6 +107,5 @@ def _number(words: str) -> str:
     headlines: list[str] = [each for chapter in study.stored()["chapters"] for each in chapter["headlines"]]
     (headline,) = (each for each in headlines if words in each)
     value, colon, _ = headline.partition(":")
-    if value == "0":
-        return "none"
-    return value.replace("\xa0", " ") if colon else re.match(r"\d+", headline)[0]  # type: ignore[index]
+    number = value.replace("\xa0", " ") if colon else re.match(r"\d+", headline)[0]  # type: ignore[index]
+    return "none" if number == "0" else number
