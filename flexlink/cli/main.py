@@ -200,10 +200,11 @@ def build_parser(words: Container[str] | None = None) -> argparse.ArgumentParser
         '  python -c "import flexlink; help(flexlink.Link)"   also Joint, Material, Section, Drive, Reference, ...',
         "  flexlink examples models                           copies complete scenes to start from\n",
     )
+    shown = [texts[name][2].partition("\n")[0] for name in ("simulate", "advise", "show", "import", "fit")]
     parser = _Parser(
         prog="flexlink",
         description="Robot arms with flexible links: simulate, find modes, export, compare. SI units.",
-        epilog="\n".join([*keys, "examples:", *(examples for _, _, examples in texts.values())]),
+        epilog="\n".join([*keys, "examples, more by `flexlink COMMAND --help`:", *shown]),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"flexlink {__version__}")
