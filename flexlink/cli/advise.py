@@ -24,12 +24,9 @@ def run_command(options: argparse.Namespace) -> int:
     with prefix_errors(options.scene):
         limits = {"deflection": options.deflection, "band": options.band, "budget": options.budget}
         advice = advise(scene, tip, **limits, measure=options.measure)
-    if options.json:
-        names = "met", "error", "tolerance", "tip_travel", "run_time", "again_time", "horizon", "runs", "compute_time"
-        options.document = {name: getattr(advice, name) for name in (*names, "lines")}  # in m and s
-        options.document |= {"scene": advice.scene.to_toml()}
-    else:
-        print(advice)
+    names = "met", "error", "tolerance", "tip_travel", "run_time", "again_time", "horizon", "runs", "compute_time"
+    options.document = {name: getattr(advice, name) for name in names} | {"scene": advice.scene.to_toml()}  # in m and s
+    print(advice)
     if options.out is not None:
         write_or_keep(options.out, lambda place: write_text(place, advice.scene.to_toml()))
         print_path("scene", options.out)

@@ -42,10 +42,8 @@ def run_command(options: argparse.Namespace) -> int:
             samples = 200 if options.samples is None else options.samples
             comparison = compare(scene, file=options.file, samples=samples, seed=options.seed or 0, **how)
     bar.clear()
-    if options.json:
-        options.document = _document(comparison)
-    else:
-        print(comparison)
+    options.document = _document(comparison)
+    print(comparison)
     return 0 if comparison.passed else 1
 
 

@@ -6,9 +6,11 @@ flexlink fit problem.toml --out fitted
 flexlink fit problem.toml --grid auto
 flexlink fit problem.toml --starts 5 --profile --set material.steel.young=2e11
 flexlink fit viscous.toml stribeck.toml --folds
+flexlink fit reading.toml --predict
 """
 
 import argparse
+import math
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +27,7 @@ from flexlink.identification.experiments import Experiments
 from flexlink.identification.fit import check_fit, fit
 from flexlink.identification.fitted import Fitted, building
 from flexlink.identification.identifiability import WIDE, Check, document
+from flexlink.identification.prediction import predictions
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.propose import propose
 from flexlink.pages.tables import Table
@@ -64,16 +67,17 @@ def run_command(options: argparse.Namespace) -> int:
 def _report(found: Check | Fitted, problem: FitProblem, options: argparse.Namespace) -> int:
     """Print the result, then the proposals, and write its page on request."""
     command, out, proposals = command_line(), options.out, None
-    if not options.json and isinstance(found, Fitted):
+    if isinstance(found, Fitted):
+        options.document = found.document()
         _print_fit(found)
-    elif not options.json and isinstance(found, Check):
+        if options.predict:
+            _predict(found, options)
+    else:
+        options.document = document(found)
         _print_check(found)
     if options.propose:
         proposals = propose(found if isinstance(found, Fitted) else problem, options.experiments)
-    if options.json:
-        more = {} if proposals is None else {"proposals": proposals.document()}
-        options.document = (found.document() if isinstance(found, Fitted) else document(found)) | more
-    elif proposals is not None:
+        options.document |= {"proposals": proposals.document()}
         print("", *proposals.lines(), sep="\n")
     if isinstance(found, Fitted):
         page = None if out is None else or_keep(out, lambda folder: building().build(found, folder, command, proposals))
@@ -143,13 +147,11 @@ def run_comparison(options: argparse.Namespace) -> int:
         make_folder(options.out)
         for table in found.tables:
             write_text(options.out / f"{table.name}.csv", table.csv)
-    if options.json:
-        options.document = found.document()
-    else:
-        for table in found.tables:
-            print(f"{table.title}:", *_lines(table), "", sep="\n")
-        for text in found.findings:
-            print(text)
+    options.document = found.document()
+    for table in found.tables:
+        print(f"{table.title}:", *_lines(table), "", sep="\n")
+    for text in found.findings:
+        print(text)
     for name, one in zip(found.names, found.fits, strict=True):
         print_lines("warning", [Diagnostic(f"{name}: {warning}", warning.id) for warning in one.warnings])
     return 0 if found.fits[found.names.index(found.preferred)].passed else 1
@@ -158,6 +160,18 @@ def run_comparison(options: argparse.Namespace) -> int:
 def _problem(path: Path, options: argparse.Namespace) -> FitProblem:
     problem = FitProblem.load(path)
     return replace(problem, scene=varied(path, problem.scene, options.set))
+
+
+def _predict(found: Fitted, options: argparse.Namespace) -> None:
+    """Print what the fitted scene predicts, with intervals, and whether these contain the readings to check it."""
+    names, readings, expected = predictions(found)
+    options.document |= {"predictions": expected.document(names)}
+    print(*expected.lines(names), sep="\n")
+    for k, (y, σ) in enumerate(readings, 1):
+        median, low, high = (float(column[k]) for column in (expected.median, expected.low, expected.high))
+        below, above = (math.hypot(end - median, WIDE * σ) for end in (low, high))  # the readings are also uncertain
+        inside = "inside" if median - below <= y <= median + above else "OUTSIDE"
+        print(f"{names[k]}: measured {y:.4g}, median {100 * (median / y - 1):+.2g} % off, {inside} the interval")
 
 
 def _lines(table: Table) -> list[str]:

@@ -22,10 +22,8 @@ def run_command(options: argparse.Namespace) -> int:
         found = invert(scene, options.tip, duration=options.duration, tolerance=options.tolerance)
         beside = found.shaped(options.shaper)
     shared.print_lines("warning", found.warnings)
-    if options.json:
-        options.document = _document(found, beside, options.shaper)
-    else:
-        _print(found, beside, options.shaper)
+    options.document = _document(found, beside, options.shaper)
+    _print(found, beside, options.shaper)
     if options.out is not None:
         found.scene.save(options.out)
         shared.print_path("scene", options.out)

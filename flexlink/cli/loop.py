@@ -24,12 +24,10 @@ def run_command(options: argparse.Namespace) -> int:
         found = loop(scene)
         along = found.over(options.over, options.values) if options.over else []
         rows = [{options.over: x, "growth": each.growth} for x, each in zip(options.values, along, strict=True)]
-        if options.json:
-            options.document = as_document(found, options.count) | ({"over": rows} if rows else {})
-        else:
-            _show(found, options.count)
-            for row in rows:
-                print(f"{options.over} = {row[options.over]:g}: growth {row['growth']:.6g}")
+        options.document = as_document(found, options.count) | ({"over": rows} if rows else {})
+        _show(found, options.count)
+        for row in rows:
+            print(f"{options.over} = {row[options.over]:g}: growth {row['growth']:.6g}")
         if options.plot:
             if along:
                 drawing = drawing_module("results.plotting")

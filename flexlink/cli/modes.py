@@ -136,13 +136,12 @@ def run_command(options: argparse.Namespace) -> int:
         if options.uncertain:
             expected = intervals(scene, lambda varied: _predicted(varied, options))
             names = [*(f"tip {x} at rest [m]" for x in "xyz"), *(f"mode {k + 1} [Hz]" for k in range(len(found.hertz)))]
-    if options.json:
-        options.document = {"scene": scene.name, "modes": as_document(found), "summary": first}
-        options.document |= {"intervals": expected.document(names)} if options.uncertain else {}
-    else:
-        print_modes(scene, found, range(len(found.eigenvalues)))
-        print(first)
-        print(*(expected.lines(names) if options.uncertain else ()), sep="\n", end="\n" * options.uncertain)
+    options.document = {"scene": scene.name, "modes": as_document(found), "summary": first}
+    print_modes(scene, found, range(len(found.eigenvalues)))
+    print(first)
+    if options.uncertain:
+        options.document |= {"intervals": expected.document(names)}
+        print(*expected.lines(names), sep="\n")
     if options.plot is not None:
         save_plot(drawing_module("results.plotting").plot_modes(found, chain, options.count), options.plot)
     return 0

@@ -61,11 +61,14 @@ def _of_states(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
     state, many = np.full((3, n), 0.1), np.full((3, 9, n), 0.1)
     q, qd, qs = state[0], state[1], many[0]
     both = (state, many)
-    yield "forward dynamics", _each(*(functools.partial(fl.forward_dynamics, chain, *one) for one in both))
     solvers = ("lu", "cholesky")
     yield "solvers", _each(*(functools.partial(fl.forward_dynamics, chain, *state, solver=each) for each in solvers))
-    yield "inverse dynamics", _each(*(functools.partial(fl.inverse_dynamics, chain, *one) for one in both))
-    for name in ("forward_dynamics_derivatives", "inverse_dynamics_derivatives"):
+    for name in (
+        "forward_dynamics",
+        "inverse_dynamics",
+        "forward_dynamics_derivatives",
+        "inverse_dynamics_derivatives",
+    ):
         yield name, _each(*(functools.partial(getattr(fl, name), chain, *one) for one in both))
     yield "mass matrix", _each(*(functools.partial(fl.mass_matrix, chain, one) for one in (q, qs)))
     for name in ("gravity_torque", "elastic_torque", "tip_position", "frames", "jacobian", "stable_step", "linearize"):

@@ -2,6 +2,7 @@
 
 flexlink report models/t3_spatial.toml --out t3_report
 flexlink report models/t3_spatial.toml --out t3_report --against theirs.xml
+flexlink report models/t3_spatial.toml --out t3_report --uncertain
 flexlink report models/ptp_move.toml --out move --against measured.csv
 """
 
@@ -22,7 +23,7 @@ def run_command(options: argparse.Namespace) -> int:
     make_folder(options.out)
     with prefix_errors(options.scene):
         page = fl.report(
-            scene, options.out, against=options.against, command=command_line(),
+            scene, options.out, against=options.against, command=command_line(), uncertain=options.uncertain,
             progress=lambda line: print(line, file=sys.stderr, flush=True),
         )  # fmt: skip
     verdicts = [{"about": each.about, "verdict": each.word, "text": each.text} for each in page.verdicts]

@@ -18,7 +18,6 @@ from flexlink.cli import shared
 from flexlink.common.interruption import deferred, finish
 from flexlink.common.output import write_or_keep
 from flexlink.common.progress import Progress
-from flexlink.common.types import Array
 from flexlink.describe import data_files
 from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.scene import Scene
@@ -26,12 +25,11 @@ from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.dynamics.sensors.instrument import coarse_samples
 from flexlink.motion.evaluation_cost import machine_factor, run_cost
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.intervals import intervals
-from flexlink.motion.simulate import simulate
+from flexlink.motion.intervals import of_run
 from flexlink.motion.single_run import SingleRun
 from flexlink.results.files import TRAJECTORY, ending
 from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError
-from flexlink.results.trajectory import Trajectory, deflections
+from flexlink.results.trajectory import Trajectory
 
 # words of the help texts in `options.toml`
 methods, solvers = ", ".join(data_files.names("methods")), ", ".join(SOLVERS)
@@ -70,26 +68,12 @@ def run_command(options: argparse.Namespace) -> int:
         _summary(scene, run, seconds)
         if options.uncertain and stop.signal is None:
             with shared.prefix_errors(options.scene):
-                _intervals(scene, run, options)
+                names, expected = of_run(scene, run)
+                options.document |= {"intervals": expected.document(names)}
+                print(*expected.lines(names), sep="\n")
         if stop.signal is not None:
             raise InterruptedRunError(run, stop.signal, _kept_in(options))
     return 0
-
-
-def _intervals(scene: Scene, run: Trajectory, options: argparse.Namespace) -> None:
-    """Print intervals of the final tip, the largest deflection and the drives' largest torques."""
-    joints = [f"largest drive {column.partition(' ')[2]}" for column in run.columns if column.startswith("tau ")]
-    names = [*(f"final tip {x} [m]" for x in "xyz"), "largest deflection [m]", *joints]
-    # a fixed step may be unstable with the springs of a clamp, and differences show errors of steps
-    expected = intervals(scene.varied({"run.relative_tolerance": 1e-5, "run.accuracy": "tip"}), _predicted)
-    options.document |= {"intervals": expected.document(names)}
-    print(*expected.lines(names), sep="\n")
-
-
-def _predicted(scene: Scene) -> Array:
-    run = simulate(scene)
-    torques = np.abs(run.tau[:, run.chain.active]).max(axis=0)
-    return np.array([*run.tip[-1], deflections(run).max(), *torques])
 
 
 def _warn(bar: Progress, text: str) -> None:

@@ -80,9 +80,10 @@ def ranges_apart(at: Likelihood) -> list[Diagnostic]:
 
 
 def _times_fitted(one: FittedColumn, columns: Sequence[FittedColumn]) -> float:
-    """Ratio of the RMS residuals of a column in a check run and in fitted runs; 0 if it was not fitted."""
+    """Ratio of the RMS residuals of a column in a check run and in fitted runs, or the stated noise; 0: not fitted."""
     residuals = [other.residual(other.after) for other in columns if other.use == "fit" and other.name == one.name]
-    return one.off(one.after) / max(residuals) if one.use == "check" and residuals and max(residuals) > 0 else 0.0
+    largest = max(*residuals, one.noise * one.stated) if residuals else 0.0  # one reading is fitted exactly
+    return one.off(one.after) / largest if one.use == "check" and largest > 0 else 0.0
 
 
 def hertz_in_rad_per_s(at: Likelihood) -> list[Diagnostic]:

@@ -17,6 +17,8 @@ from flexlink.common.types import Array
 from flexlink.common.wording import plural
 from flexlink.describe.scene import FIELDS, Scene
 from flexlink.describe.uncertain import Input, inputs_of
+from flexlink.motion.simulate import simulate
+from flexlink.results.trajectory import Trajectory, deflections
 
 DRAWS, SAMPLES, LINEAR = 20_000, 30, 0.05
 """Draws of the sum, samples of the scene, and how far these may be off [σ]."""
@@ -27,27 +29,35 @@ class Intervals(NamedTuple):
 
     inputs: tuple[str, ...]
     value: Array
+    median: Array  # not the value of the scene, if an input such as a clamp changes it in one direction
     low: Array
     high: Array
     shares: Array
     linear: Array  # whether samples of the scene agree
 
-    def lines(self, names: Sequence[str]) -> list[str]:
-        """A line for every prediction that varies, with its three inputs of the largest shares in the variance."""
-        found = [f"95 % intervals with {plural(len(self.inputs), 'uncertain input')}"]
+    @property
+    def varying(self) -> list[int]:
+        """Indices of the predictions that vary."""
         fixed = np.isnan(self.value) | (self.high - self.low <= 1e-9 * np.abs(self.value))
-        for k in np.flatnonzero(~fixed).tolist():
-            first = sorted(zip(self.shares[:, k].tolist(), self.inputs, strict=True), reverse=True)[:3]
-            ranked = ", ".join(f"{path} {100 * share:.0f} %" for share, path in first if share >= 0.005)
-            ends = f"{self.low[k]:.4g} … {self.high[k]:.4g}"
-            rough = "" if self.linear[k] else "; not linear, rough: find its distribution by flexlink sweep"
-            found.append(f"{names[k]}: {self.value[k]:.4g} ({ends}), due to {ranked}{rough}")
-        return found
+        return list(np.flatnonzero(~fixed).tolist())
+
+    def ranked(self, k: int) -> str:
+        """The three inputs with the largest shares in the variance of a prediction, and a note if it is not linear."""
+        first = sorted(zip(self.shares[:, k].tolist(), self.inputs, strict=True), reverse=True)[:3]
+        due = ", ".join(f"{path} {100 * share:.0f} %" for share, path in first if share >= 0.005)
+        return due + ("" if self.linear[k] else "; not linear, rough: find its distribution by flexlink sweep")
+
+    def lines(self, names: Sequence[str]) -> list[str]:
+        """A line for every prediction that varies."""
+        return [f"medians and 95 % intervals with {plural(len(self.inputs), 'uncertain input')}"] + [
+            f"{names[k]}: {self.median[k]:.4g} ({self.low[k]:.4g} … {self.high[k]:.4g}), due to {self.ranked(k)}"
+            for k in self.varying
+        ]
 
     def document(self, names: Sequence[str]) -> list[dict[str, object]]:
-        """Value, interval and shares of every prediction, for JSON."""
+        """Value, median, interval and shares of every prediction, for JSON."""
         return [
-            {"of": name, "value": self.value[k], "low": self.low[k], "high": self.high[k],
+            {"of": name, "value": self.value[k], "median": self.median[k], "low": self.low[k], "high": self.high[k],
              "linear": bool(self.linear[k]), "shares": dict(zip(self.inputs, self.shares[:, k].tolist(), strict=True))}
             for k, name in enumerate(names)
         ]  # fmt: skip
@@ -72,10 +82,10 @@ def intervals(scene: Scene, predict: Callable[[Scene], Array]) -> Intervals:
     sampled = [of({p: x for one, t in zip(inputs, row, strict=True) for p, x in one.changes(t).items()}) for row in
                z[:SAMPLES].tolist()]  # fmt: skip
     off = np.sqrt(np.mean((np.array(sampled) - y[:SAMPLES]) ** 2, axis=0))
-    low, high = np.quantile(y, (0.025, 0.975), axis=0)
+    low, median, high = np.quantile(y, (0.025, 0.5, 0.975), axis=0)
     shares = variances / np.maximum(variances.sum(axis=0), 1e-300)
     linear = off <= LINEAR * y.std(axis=0) + 1e-9 * np.abs(nominal)
-    return Intervals(tuple(one.path for one in inputs), nominal, low, high, shares, linear)
+    return Intervals(tuple(one.path for one in inputs), nominal, median, low, high, shares, linear)
 
 
 def _terms(one: Input, nominal: Array, of: Callable[[dict[str, object]], Array]) -> Array:
@@ -85,3 +95,18 @@ def _terms(one: Input, nominal: Array, of: Callable[[dict[str, object]], Array])
         return np.array([2 * near - far / 2 - 1.5 * nominal, far / 2 - near + nominal / 2])
     up, down = of(one.changes(3**0.5)), of(one.changes(-(3**0.5)))
     return np.array([(up - down) / 12**0.5, (up + down - 2 * nominal) / 6])
+
+
+def of_run(scene: Scene, run: Trajectory) -> tuple[list[str], Intervals]:
+    """Names and intervals of `ends_and_peaks` of a scene, whose run this is."""
+    # a fixed step may be unstable with the springs of a clamp, and differences show errors of steps
+    exact = scene.varied({"run.relative_tolerance": 1e-5, "run.accuracy": "tip"})
+    return list(ends_and_peaks(run)), intervals(exact, lambda x: np.array([*ends_and_peaks(simulate(x)).values()]))
+
+
+def ends_and_peaks(run: Trajectory) -> dict[str, float]:
+    """The final tip, the largest deflection, and the largest torques and forces of drives."""
+    found = {f"final tip {axis} [m]": float(x) for axis, x in zip("xyz", run.tip[-1], strict=True)}
+    found["largest deflection [m]"] = float(deflections(run).max())
+    drives = ((name.partition(" ")[2], column) for name, column in run.columns.items() if name.startswith("tau "))
+    return found | {f"largest drive {name}": float(np.abs(column).max()) for name, column in drives}

@@ -20,7 +20,7 @@ from flexlink.common.types import Array, Complex
 from flexlink.common.wording import plural
 from flexlink.dynamics.forces import has_potential
 from flexlink.dynamics.placement import frames
-from flexlink.pages.colours import BLUE, CYCLE, GREEN, GREY, INK, VERMILION
+from flexlink.pages.colours import BLUE, CYCLE, GREY, INK, VERMILION
 from flexlink.results.convergence import resolved
 from flexlink.results.pictures.view import view_of_motion
 
@@ -55,29 +55,36 @@ class NotebookFigure(Figure):  # type: ignore[misc]  # mypy does not read matplo
 def plot_trajectory(
     run: Trajectory, what: str | Sequence[str] | None = None, ax: Axes | Sequence[Axes] | None = None
 ) -> NotebookFigure:
-    """Plot `panels` and columns of a run against time, as `Trajectory.plot` describes."""
-    colours = (*CYCLE, GREY, INK)  # each curve of a legend has a different colour
-    panel_height = 1.9  # [in]
-    if what in ("postures", "loads"):
-        return _along_the_arm(run, what, ax)
-    shown = _chosen(run, what)
-    beside = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0), "borderaxespad": 0.0} if ax is None else {}
+    """Plot `panels` and columns of a run against time, or the arm, as `Trajectory.plot` describes."""
+    over_time, beside = what not in ("postures", "loads"), {}
+    draw: Callable[[list[Axes], Trajectory], None] = postures if what == "postures" else loads
+    count, size = (1, (7.2, 4.2)) if what == "postures" else (3, (7.2, 6.4))
+    if over_time:
+        shown = _chosen(run, what)
+        draw, count, size = partial(_over_time, shown), len(shown), (8.4, 1.9 * len(shown) + 0.7)
     if ax is None:
-        figure = NotebookFigure(figsize=(8.4, panel_height * len(shown) + 0.7), layout="constrained")
-        ax = figure.subplots(len(shown), 1, sharex=True, squeeze=False)
+        figure = NotebookFigure(figsize=size, layout="constrained")
+        ax = figure.subplots(count, 1, sharex=True, squeeze=False)
         figure.suptitle(run.chain.name)
+        beside = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0), "borderaxespad": 0.0} if over_time else {}
     axes = np.ravel(ax)
-    if len(axes) != len(shown):
-        text = f"{len(axes)} axes for {plural(len(shown), 'panel')}; give one for each, or choose panels by `what`"
+    if len(axes) != count:
+        text = f"{len(axes)} axes for {plural(count, 'panel')}; give one for each, or choose panels by `what`"
         raise ArgumentError(f"ax: {text}", id="wrong-shape")
-    for draw, panel in zip(shown, axes, strict=True):
-        panel.set_prop_cycle(color=colours)
-        draw(panel)
+    draw(list(axes), run)
+    for panel in axes:
         panel.grid(alpha=0.3)
         panel.legend(fontsize="small", **beside)
-    axes[-1].set_xlabel("time [s]")
     drawn: NotebookFigure = axes[0].figure
     return drawn
+
+
+def _over_time(shown: Sequence[Draw], axes: Sequence[Axes], _: Trajectory) -> None:
+    """Draw each of the panels."""
+    for draw, panel in zip(shown, axes, strict=True):
+        panel.set_prop_cycle(color=(*CYCLE, GREY, INK))  # each curve of a legend has a different colour
+        draw(panel)
+    axes[-1].set_xlabel("time [s]")
 
 
 def _chosen(run: Trajectory, what: str | Sequence[str] | None) -> list[Draw]:
@@ -106,12 +113,14 @@ def panels(run: RunSamples) -> Iterator[tuple[str, Draw]]:
         for unit, joints in chain.by_unit(chain.where(*(kind for kind in Kind if kind.panel == name)).tolist()):
             values = chain.in_own_units(run.q[:, joints], np.array(joints))
             yield name, partial(_curves, run=run, joints=joints, values=values, label=COORDINATES[name, unit.si])
-    springs = bool(chain.stiffness.any()) or has_potential(chain)
+    springs, elastic = bool(chain.stiffness.any()) or has_potential(chain), np.asarray(run.energy.elastic)[:, None]
     there = (
         ("base", partial(_lines, names="xyz", values=run.q, label="base, frame 0 [m]"), chain.has_free_base),
         ("tip", partial(_lines, names="xyz", values=run.tip, label="tip, frame 0 [m]"), True),
         ("energy", exchanged_energy, True),
-        ("elastic", elastic_energy, springs), ("balance", imbalance, run.work is not None),
+        # often thousands of times smaller than the other energies
+        ("elastic", partial(_lines, names=["elastic"], values=elastic, label="elastic\nenergy [J]"), springs),
+        ("balance", imbalance, run.work is not None),
     )  # fmt: skip
     yield from ((name, partial(draw, run=run)) for name, draw, shown in there if shown)
     for unit, joints in chain.by_unit(chain.active.tolist()):
@@ -135,36 +144,11 @@ def exchanged_energy(panel: Axes, run: RunSamples) -> None:
     panel.set_ylabel("energy since\nthe start [J]")
 
 
-def elastic_energy(panel: Axes, run: RunSamples) -> None:
-    """Plot the energy of the springs, which is often thousands of times smaller than the other energies."""
-    panel.plot(run.t, np.asarray(run.energy.elastic), label="elastic", color=GREEN)
-    panel.set_ylabel("elastic\nenergy [J]")
-
-
 def imbalance(panel: Axes, run: RunSamples) -> None:
     """Plot the energy error of the discretisation."""
     panel.plot(run.t, run.imbalance, label="E − E(0) − W", color=VERMILION)
     panel.set_ylabel("power\nbalance [J]")
     panel.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
-
-
-def _along_the_arm(run: Trajectory, what: str, ax: Axes | Sequence[Axes] | None) -> NotebookFigure:
-    """Draw `postures` or `loads` of a run, which are not curves over time."""
-    count, draw = (1, postures) if what == "postures" else (3, loads)
-    if ax is None:
-        figure = NotebookFigure(figsize=(7.2, 4.2 if count == 1 else 6.4), layout="constrained")
-        figure.suptitle(run.chain.name)
-        ax = figure.subplots(count, 1, sharex=True, squeeze=False)
-    axes = np.ravel(ax)
-    if len(axes) != count:
-        text = f"{len(axes)} axes for {plural(count, 'panel')}; give one for each, or choose panels by `what`"
-        raise ArgumentError(f"ax: {text}", id="wrong-shape")
-    draw(list(axes), run)
-    for panel in axes:
-        panel.grid(alpha=0.3)
-        panel.legend(fontsize="small")
-    drawn: NotebookFigure = axes[0].figure
-    return drawn
 
 
 def postures(axes: Sequence[Axes], run: Trajectory, count: int = 12) -> None:
@@ -201,12 +185,12 @@ def loads(axes: Sequence[Axes], run: Trajectory) -> None:
 
 
 @literal
-def plot_modes(found: Modes, chain: Chain, count: int = 8) -> NotebookFigure:
+def plot_modes(found: Modes, chain: Chain, count: int = 8, width: float = 7.2) -> NotebookFigure:
     """Plot mode shapes as displaced arms, one panel per mode, each in the view that shows its motion best."""
     shown = min(count, len(found.eigenvalues))
     reach = np.ptp(found.points, axis=0).max() or 1.0
     rows = -(-shown // 2)
-    figure = NotebookFigure(figsize=(7.2, 3.0 * rows + 0.6), layout="constrained")
+    figure = NotebookFigure(figsize=(width, 0.42 * width * rows + 0.6), layout="constrained")
     fine = resolved(found, chain)
     note = "" if all(fine[:shown]) else "\ndashed: fewer than two hinges per half-wave"
     figure.suptitle(f"{chain.name}: mode shapes, amplitude not to scale{note}")
@@ -214,7 +198,7 @@ def plot_modes(found: Modes, chain: Chain, count: int = 8) -> NotebookFigure:
     for panel in panels[shown:]:
         panel.set_visible(False)
     for k, panel in enumerate(panels[:shown]):
-        path = found.paths[k].real
+        path = path_of(found, k)
         bent = found.points + 0.12 * reach / (np.abs(path).max() or 1.0) * path
         view = view_of_motion(chain, found.points, bent)
         panel.plot(*view.flat(as_lines(chain, found.points, base=False)), color=GREY, linewidth=1.0, label="posture")
@@ -227,6 +211,12 @@ def plot_modes(found: Modes, chain: Chain, count: int = 8) -> NotebookFigure:
         panel.set_aspect("equal", adjustable="datalim")
         panel.grid(alpha=0.3)
     return figure
+
+
+def path_of(found: Modes, k: int) -> Array:
+    """Displacements of all bodies in a mode, where its phase makes them real."""
+    path = found.paths[k]
+    return np.asarray(path.real if path.real.any() else path.imag)
 
 
 def _curves(panel: Axes, run: RunSamples, joints: list[int], values: Array, label: str) -> None:

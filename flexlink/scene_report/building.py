@@ -24,6 +24,7 @@ CHAPTERS = {
     "loads": ("Loads and drive torques", "Loads"),
     "motion": ("Motion", "Motion"),
     "settling": ("Settling", "Settling"),
+    "uncertainty": ("Uncertain inputs", "Uncertainty"),
     "theirs": ("Comparison with another file", "Other file"),
     "measurements": ("Comparison with measurements", "Measurements"),
     "agreement": ("Agreement with other engines", "Agreement"),

@@ -16,7 +16,7 @@ from flexlink.scene_report.study import Study
 
 def report(
     scene: Scene, folder: str | Path, *, against: str | Path | None = None, command: str = "",
-    progress: Callable[[str], None] | None = None,
+    uncertain: bool = False, progress: Callable[[str], None] | None = None,
 ) -> Report:  # fmt: skip
     """Write a report on a scene: the model, agreement of engines, accuracy, cost and results.
 
@@ -34,6 +34,9 @@ def report(
         measurements with a column "t [s]" and columns of `Trajectory.columns`, where deg and mm are also allowed.
     command
         Command that made the page, to be printed on the page.
+    uncertain
+        Whether to give intervals by the uncertain inputs of the scene and of its clamps, as always if
+        `scene.uncertain` lists inputs.
     progress
         Called with one line for each finished chapter.
 
@@ -59,7 +62,9 @@ def report(
     >>> print(written.page, written.passed)
     two_links_report/index.html True
     """
-    study = Study(require_type("scene", scene, Scene), None if against is None else _beside(against), command)
+    study = Study(
+        require_type("scene", scene, Scene), None if against is None else _beside(against), command, uncertain
+    )
     require_callable("progress", progress)
     building = builder("flexlink.scene_report.building", "report")
     found: Report = building.build(study, require_path("folder", folder), progress or (lambda _: None))

@@ -28,6 +28,7 @@ class Study:
     scene: Scene
     against: Path | None = None  # a third-party file of the same arm, or measurements
     command: str = ""  # that produced the report
+    uncertain: bool = False  # whether to give intervals, also if the scene lists no uncertain input
 
     @property
     def measurements(self) -> bool:

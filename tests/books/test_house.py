@@ -33,12 +33,13 @@ CURVED = "links that are curved, twisted or warm on one side at rest"
 ADJOINT = "gradients of runs by all torques and the initial state, for arms in a plane and in space"
 WRONG = "fits compare residuals with noise from elsewhere, and try physical causes; intervals of uncertain inputs"
 SUMMED = "sweeps sum up statistics of their members"
+READING = "reports have intervals, and a number fitted to one reading predicts others"
 RAISED = {
     "public names": (2, f"to_fmu writes an arm for simulators of whole machines; {ADJOINT}"),
     "lines of contracts": (7, "fits, sweeps, reports, advice and robots call the library, not its kernels"),
     "classes": (25, f"{COMPILES}; {LOOPS}; {CURVED}; FMUs; {ADJOINT}; {WRONG}; {SUMMED}"),
     "constants": (29, f"{COMPILES}; {LOOPS}; {WRONG}; {SUMMED}"),
-    "lines": (620, f"{COMPILES}; {LOOPS}"), "files": (14, f"{LOOPS}; {ADJOINT}; {WRONG}; {SUMMED}"),
+    "lines": (620, f"{COMPILES}; {LOOPS}"), "files": (16, f"{LOOPS}; {ADJOINT}; {WRONG}; {SUMMED}; {READING}"),
     "files that simulate imports": (6, f"{LOOPS}; uncertain inputs of a scene"),
 }  # fmt: skip
 """By how much a limit may be exceeded, and the reason."""

@@ -246,10 +246,9 @@ def test_the_largest_stable_step_includes_dampers_between_joints() -> None:
 def test_a_report_shows_which_engine_computes_springs_between_joints(monkeypatch: pytest.MonkeyPatch) -> None:
     few = {name: ENGINES[name] for name in ("native", "pinocchio", "mujoco")}
     monkeypatch.setattr(agreement, "ENGINES", few)
-    study = Study(SCENE)
-    text = agreement._between_joints(study, agreement._diagnoses(study)[0])
+    study, bare = Study(SCENE), Study(make_scene(flexible("a")))
+    notes = {note: each.engine for each in agreement._diagnoses(study)[0] for note in each.notes}
+    assert list(notes.values()) == ["pinocchio"]
+    (text,) = (text for text in agreement.made(study).sentences if any(note in text for note in notes))
     reviewed("report: springs between joints", text)
-    assert "MuJoCo" in text
-    assert "Pinocchio" in text
-    bare = Study(make_scene(flexible("a")))
-    assert agreement._between_joints(bare, agreement._diagnoses(bare)[0]) == ""
+    assert not any(note in text for text in agreement.made(bare).sentences for note in notes)

@@ -337,7 +337,8 @@ class TestMove:
         part, run, chain = made("energy", move), move.run, move.chain
         kinetic = np.array([qd @ fl.mass_matrix(chain, q) @ qd / 2 for q, qd in zip(run.q, run.qd, strict=True)])
         elastic = (chain.stiffness * run.q**2).sum(axis=1) / 2
-        T, V, U, W = (picture(part, "energy")[f"{name} [J]"] for name in ("kinetic", "gravity", "elastic", "work"))
+        columns = picture(part, "energy")
+        T, V, U, W = (x - x[0] for x in (columns[f"{name} [J]"] for name in ("kinetic", "gravity", "elastic", "work")))
         assert pytest.approx(kinetic - kinetic[0], rel=1e-9, abs=1e-9) == T
         assert pytest.approx(elastic - elastic[0], rel=1e-9, abs=1e-9) == U
         off, size = np.abs(T + V + U - W), (T + abs(V) + abs(U) + abs(W)).max()
@@ -528,3 +529,34 @@ def test_the_time_of_peak_stress_does_not_depend_on_the_block_size_of_samples(mo
     assert whole is not None and whole.time > 0.005
     monkeypatch.setattr(loads, "AT_ONCE", 4)
     assert peak_stress(run) == whole
+
+
+class TestUncertainty:
+    def test_intervals_are_those_of_a_beam(self, held: Study) -> None:
+        """f ~ √E: the interval is that of E alone if the clamp is rigid; sag ~ 1 / E; torques hold the weight alone."""
+        inputs = {"material.steel.young": 0.04, "link.bar.root_stiffness": 0.0}
+        study = Study(held.scene.varied({"tip.center": None, "uncertain": inputs}))
+        part = made("uncertainty", study)
+        lines = table(part, "intervals")
+        of = {name: {head: column[k] for head, column in lines.items()} for k, name in enumerate(lines["prediction"])}
+        first = of["mode 1 [Hz]"]
+        found = [first[head] / first["this scene"] for head in ("median", "low", "high")]
+        assert found == pytest.approx(np.exp(np.array([0.0, -1.96, 1.96]) * 0.02), rel=2e-3)
+        bends, holds = (of[name] for name in ("largest deflection [m]", "largest drive bar [N m]"))
+        widths = [(row["high"] - row["low"]) / row["median"] for row in (bends, holds)]
+        assert widths == pytest.approx([2 * 1.96 * 0.04, 0.0], rel=0.03, abs=0.01)
+        assert numbers(first["due to"]) == [100.0]
+        assert next(numbers(fact.value) for fact in part.facts) == three(first["low"], first["high"])
+
+    def test_only_scenes_with_uncertain_inputs_and_requests_get_the_chapter(self, move: Study) -> None:
+        assert importlib.import_module(f"{PARTS}.uncertainty").made(move) is None
+        asked = made("uncertainty", Study(move.scene, uncertain=True))
+        assert {each.split()[0] for each in table(asked, "intervals")["due to"]} <= {
+            f"link.{link.name}.root_stiffness" for link in move.scene.arm.links
+        }
+
+    def test_what_has_no_intervals_is_stated(self) -> None:
+        rigid = make_scene(fl.Link(name="a", length=1.0, hub=fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1))))
+        part = made("uncertainty", Study(rigid, uncertain=True))
+        assert not part.tables
+        reviewed("report: no uncertain input", " ".join(part.sentences))

@@ -163,7 +163,7 @@ def row(q: float, explained: float = 1e-9, diverged: str = "") -> RunDifference:
 class TestOthers:
     def part(self, monkeypatch: pytest.MonkeyPatch, terms: float, run: RunDifference) -> Part:
         rows = [SimpleNamespace(quantity="M", error=terms, passed=terms <= 1)]
-        one = SimpleNamespace(engine="mujoco", rows=rows, passed=terms <= 1)
+        one = SimpleNamespace(engine="mujoco", rows=rows, passed=terms <= 1, notes=())
         runs = SimpleNamespace(rows=[run], steps="steps of RK4", refused=("drake: free base",))
         compared = {name: SimpleNamespace(diagnoses=[one] if name == "mujoco" else []) for name in fl.engines.ENGINES}
         monkeypatch.setattr(f"{PARTS}.agreement.compare", lambda _, engines, samples: compared[engines[0]])

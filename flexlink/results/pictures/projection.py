@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from flexlink.common.types import Array, Indices
 from flexlink.results.pictures.film import Film
-from flexlink.results.pictures.view import View
+from flexlink.results.pictures.view import View, level
 
 AROUND = 0.06  # margin around the arm, relative to the window's size
 JOINT, BASE = 1.15, 1.3  # joint radius relative to half the link's width; half the base's side relative to that radius
@@ -161,7 +161,8 @@ def dropped(points: Array, view: View, level: float) -> Array:
 
 def floor_of(film: Film) -> Array:
     """Lines of the floor's grid in frame 0, shape (lines, 2, 3), spaced by a round number."""
-    a, v = _level(film.view), film.view.vertical
+    v = film.view.vertical
+    a = np.array([level(v), np.cross(v, level(v))])
     flat = np.concatenate([film.points.reshape(-1, 3), film.bodies.reshape(-1, 3)]) @ a.T
     step = nice(float(np.ptp(flat, axis=0).max()) / 5)
     low, high = np.floor(flat.min(axis=0) / step), np.ceil(flat.max(axis=0) / step)
@@ -171,12 +172,6 @@ def floor_of(film: Film) -> Array:
         for k in np.arange(low[across], high[across] + 1):
             lines.append([step * (k * a[across] + m * a[along]) + corner for m in (low[along], high[along])])
     return np.array(lines)
-
-
-def _level(view: View) -> Array:
-    """Two horizontal directions; they are axes of frame 0 if gravity is along the third axis."""
-    level = [axis for axis in np.eye(3) if abs(axis @ view.vertical) < 1e-9]
-    return np.asarray(level if len(level) == 2 else [view.axes[0], np.cross(view.vertical, view.axes[0])])
 
 
 def nice(length: float) -> float:

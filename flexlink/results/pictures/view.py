@@ -41,7 +41,7 @@ def view_of(chain: Chain) -> View:
     vertical = -chain.gravity / gravity if gravity else np.array([0.0, 0.0, 1.0])
     if "m" not in chain.joint_units and chain.all_axes_parallel_to(chain.axes[0]):  # unlike `is_planar`, also trees
         return View(_across(chain.axes[0], vertical, bool(gravity)), False, vertical)
-    first = _level(vertical)
+    first = level(vertical)
     second = np.cross(vertical, first)
     elevation, azimuth = math.radians(22.0), math.radians(-62.0)  # direction of the eye
     sideways = math.cos(azimuth) * first + math.sin(azimuth) * second
@@ -56,7 +56,7 @@ def views_of(chain: Chain, points: Array) -> list[View]:
     if not view.spatial:
         return [view]
     vertical = view.vertical
-    first = _level(vertical)
+    first = level(vertical)
     second = np.cross(vertical, first)
     extents = np.ptp(points.reshape(-1, 3) @ np.array([first, second]).T, axis=0)
     right = first if extents[0] >= extents[1] else second
@@ -82,7 +82,7 @@ def _across(normal: Array, vertical: Array, weighs: bool) -> Array:
     if abs(rises) > lying and rises < 0:
         normal = -normal
     if not weighs or np.linalg.norm(up) < 1e-3:
-        right = _level(normal)
+        right = level(normal)
         return np.array([right, np.cross(normal, right), normal])
     up = up / np.linalg.norm(up)
     right = np.cross(up, normal)
@@ -91,7 +91,7 @@ def _across(normal: Array, vertical: Array, weighs: bool) -> Array:
     return np.array([right, up, normal])
 
 
-def _level(vertical: Array) -> Array:
+def level(vertical: Array) -> Array:
     """Unit vector perpendicular to the vertical that is nearest to X, or else to Y."""
     first = max((_part_across(axis, vertical) for axis in np.eye(3)), key=lambda v: round(float(v @ v), 6))
     return np.asarray(first / np.linalg.norm(first))

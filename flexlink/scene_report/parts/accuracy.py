@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flexlink.advice.verdict import length
 from flexlink.pages.colours import BLUE, CYCLE, GREY, INK, MARKERS
 from flexlink.pages.numbers import number, percent
 from flexlink.pages.part import Part
@@ -165,11 +166,7 @@ def _prices(choices: Sequence[Choice]) -> Picture | None:
 
 
 def _length(metres: float, below: str = "below ") -> str:
-    if metres < 1e-9:
-        return f"{below}1 nm"
-    if metres >= 0.1:
-        return f"{number(metres)} m"
-    return f"{number(1e3 * metres)} mm" if metres >= 1e-4 else f"{number(1e6 * metres)} µm"
+    return f"{below}1 nm" if metres < 1e-9 else length(metres)
 
 
 def _seconds(seconds: float) -> str:

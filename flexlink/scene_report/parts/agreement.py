@@ -28,25 +28,14 @@ def made(study: Study) -> Part:
         "results agree to within rounding.",
         "Terms: mass matrix M; torques of gravity T_G, of gravity with centrifugal and Coriolis forces T_GC, of "
         "springs T_FL, and of friction T_FR; accelerations q̈.",
-        _between_joints(study, diagnoses),
         about_runs,
+        *(f"{engine_name(each.engine)}: {note}." for each in diagnoses for note in each.notes),
         *(str(each) for each in diagnoses if not each.passed),
         *why,
         *missing,
     ]
     tables = (*([_terms(diagnoses)] if diagnoses else []), *([_of_runs(runs)] if runs else []))
     return Part(tuple(filter(None, sentences)), (_verdict(diagnoses, runs),), tables=tables)
-
-
-def _between_joints(study: Study, diagnoses: Iterable[Diagnosis]) -> str:
-    """State which engines compute springs and dampers between two joints; "" if the arm has none."""
-    if not len(study.chain.couplings):
-        return ""
-    names = [(ENGINES[each.engine].between_joints, engine_name(each.engine)) for each in diagnoses]
-    own, ours = (", ".join(name for has, name in names if has is which) for which in (True, False))
-    words = {"computed by the engine in": own, "computed by flexlink in": ours}
-    parts = " and ".join(f"{verb} {engines}" for verb, engines in words.items() if engines)
-    return f"Springs and dampers between two joints are {parts}." if parts else ""
 
 
 def _diagnoses(study: Study) -> tuple[list[Diagnosis], list[str]]:

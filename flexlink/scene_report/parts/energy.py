@@ -3,12 +3,13 @@
 import numpy as np
 
 from flexlink.dynamics import rounding
-from flexlink.pages.colours import BLUE, CYCLE, INK
 from flexlink.pages.numbers import number, percent
 from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture, picture_of
 from flexlink.pages.style import stacked_axes, tidy_linear
 from flexlink.pages.verdict import State, Verdict
+from flexlink.results.plotting import panels
+from flexlink.results.trajectory import Trajectory
 from flexlink.scene_report.study import Study
 
 
@@ -35,30 +36,17 @@ def made(study: Study) -> Part | None:
     good = 1e-3  # acceptable fraction of the exchanged energy; the run fails from a fraction of 0.1 on
     state: State = "pass" if share <= good or still or bool((imbalance <= (1 + steps) * once).all()) else "doubt"
     verdict = Verdict("Energy", state, "balanced" if state == "pass" else "poorly balanced", text)
-    return Part((text, meant), (verdict,), (_picture(study),))
+    return Part((text, meant), (verdict,), (_picture(run),))
 
 
-def _picture(study: Study) -> Picture:
-    run = study.run
-    assert run.work is not None
-    bends = study.bends
-    _, axes = stacked_axes(3 if bends else 2, 1.8)
-    parts = {"kinetic": run.energy.kinetic, "gravity": run.energy.gravity, "elastic": run.energy.elastic}
-    columns = {"t [s]": run.t}
-    for (name, values), colour in zip(parts.items(), CYCLE, strict=False):
-        columns[f"{name} [J]"] = np.asarray(values) - np.asarray(values)[0]
-        if name != "elastic":
-            axes[0].plot(run.t, columns[f"{name} [J]"], color=colour, label=name)
-        elif bends:  # on a separate panel, as it is often thousands of times smaller than the other energies
-            axes[1].plot(run.t, columns[f"{name} [J]"], color=colour)
-            axes[1].set_ylabel("elastic, change [J]")
-            tidy_linear(axes[1])
-    axes[0].plot(run.t, run.work, color=INK, linestyle="--", label="work W")
-    axes[0].set_ylabel("change [J]")
-    axes[-1].plot(run.t, run.imbalance, color=BLUE)
-    axes[-1].set_ylabel("energy error [J]")
-    tidy_linear(axes[-1])
-    columns |= {"work [J]": run.work, "imbalance [J]": run.imbalance}
-    middle = " Middle: elastic energy on a separate scale." if bends else ""
-    caption = f"Top: change of the energies since the start, and work W done on the arm.{middle} Bottom: energy error."
+def _picture(run: Trajectory) -> Picture:
+    drawn = [draw for name, draw in panels(run) if name in ("energy", "elastic", "balance")]
+    _, axes = stacked_axes(len(drawn), 1.8)
+    for draw, panel in zip(drawn, axes, strict=True):
+        draw(panel)
+        tidy_linear(panel)
+    columns = {name: column for name, column in run.columns.items() if name == "t [s]" or name.endswith("[J]")}
+    caption = (
+        "Top: change of the energies since the start; that of the total is the work W and the energy error (bottom)."
+    )
     return picture_of("energy", "Energy balance", caption, axes, "time [s]", columns, each=True)

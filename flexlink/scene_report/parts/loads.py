@@ -14,6 +14,7 @@ from flexlink.pages.verdict import Fact
 from flexlink.results.pictures.colouring import colouring
 from flexlink.results.pictures.film import placed
 from flexlink.results.pictures.outline import has_rectangle_instead, outline_of
+from flexlink.results.plotting import panels
 from flexlink.results.samples import RunSamples, picked
 from flexlink.scene_report.study import Study
 
@@ -71,7 +72,8 @@ def _table(study: Study) -> Table:
 
 def _picture(study: Study, driven: list[int]) -> Picture:
     run, chain = study.run, study.chain
-    _, axes = stacked_axes(2 if driven else 1, 2.2)
+    drives = [draw for name, draw in panels(run) if name == "drives"]
+    _, axes = stacked_axes(1 + len(drives), 2.2)
     columns = {"t [s]": run.t}
     bending = np.linalg.norm(run.loads.moment[..., 1:], axis=2)
     for place, body in enumerate(roots := [chain.body(int(k)) for k in chain.active] or [0]):
@@ -80,11 +82,9 @@ def _picture(study: Study, driven: list[int]) -> Picture:
         label = _place(study, body) if place < NAMED_CURVES else None
         axes[0].plot(run.t, columns[name], color=CYCLE[place % len(CYCLE)], label=label)
     axes[0].set_ylabel("bending [N m]")
-    for place, k in enumerate(driven):
-        columns[f"drive {chain.joint_name(k)} [{chain.torque_units[k]}]"] = run.tau[:, k]
-        label = chain.joint_name(k) if place < NAMED_CURVES else None
-        axes[1].plot(run.t, run.tau[:, k], color=CYCLE[place % len(CYCLE)], label=label)
-        axes[1].set_ylabel(f"drive [{'; '.join(sorted({chain.torque_units[k] for k in driven}))}]")
+    for draw, panel in zip(drives, axes[1:], strict=True):
+        draw(panel)
+    columns |= {f"drive {chain.joint_name(k)} [{chain.torque_units[k]}]": run.tau[:, k] for k in driven}
     caption = "Largest bending moment of each link" + ("; drive torques." if driven else ".")
     return picture_of("loads", "Loads over time", caption, axes, "time [s]", columns, each=True)
 

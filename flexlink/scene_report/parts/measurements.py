@@ -1,13 +1,13 @@
 """Compare the run with measurements, and find the parameter of the scene that would explain the difference."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from flexlink.common.wording import plural
-from flexlink.data.csv_table import read_measured
-from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
+from flexlink.data.csv_table import head_of, read_measured
+from flexlink.pages.colours import BLUE, GREY, VERMILION
 from flexlink.pages.numbers import number, percent
 from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture, picture_of
@@ -43,16 +43,16 @@ def made(study: Study) -> Part | None:
     off = every[name]
     size = float(np.nanmax(comparison.measured[name]) - np.nanmin(comparison.measured[name]))
     share = f", {percent(off / size)} of the measured range" if size > 0 else ""
-    difference = f"RMS difference: {_with_unit(off, name)} in {_bare(name)}{share}."
+    difference = f"RMS difference: {_with_unit(off, name)} in {head_of(name)[0]}{share}."
     sentences = (first, difference, *_about_fits(fits, best))
-    text = f"RMS difference in {_bare(name)}."
+    text = f"RMS difference in {head_of(name)[0]}."
     if best is not None:
         text += f" Best explanation: {best.number.what} {_change(best)}."
     verdict = Verdict("Measurements", "info", _with_unit(off, name), text)
     tables = [_columns(study, comparison, best)]
     if fits:
         tables.append(_numbers(fits))
-    pictures = (_overlay(study, comparison, best), _difference(study, comparison, best))
+    pictures = tuple(_pictures(study, comparison, best))
     return Part(tuple(filter(None, sentences)), (verdict,), pictures, tuple(tables))
 
 
@@ -86,12 +86,8 @@ def _change(fit: Fit) -> str:
     return f"{by:+.3g} ± {number(spread, 2)}{unit}".replace("-", "−")
 
 
-def _bare(name: str) -> str:
-    return name.rpartition(" [")[0]
-
-
 def _with_unit(value: float, name: str) -> str:
-    unit = name.rpartition(" [")[2].rstrip("]")
+    unit = head_of(name)[1]
     return f"{number(1e3 * value)} mm" if unit == "m" and value < 0.1 else f"{number(value)} {unit}"
 
 
@@ -116,42 +112,25 @@ def _numbers(fits: Sequence[Fit]) -> Table:
     return Table("numbers", "Parameters of the scene, each fitted alone", heads, lines)
 
 
-def _drawn(comparison: Comparison) -> list[str]:
-    """Return the first four columns, which are plotted; more would make the page long."""
-    return list(comparison.measured)[:4]
-
-
-def _overlay(study: Study, comparison: Comparison, best: Fit | None) -> Picture:
-    figure, axes = stacked_axes(len(_drawn(comparison)), 2.2)
-    columns: dict[str, np.ndarray] = {"t [s]": comparison.t}
-    found = {"run": comparison.at_times(study.run)} | ({"fitted": comparison.at_times(best.run)} if best else {})
-    for panel, name in zip(axes, _drawn(comparison), strict=True):
-        panel.plot(comparison.t, comparison.measured[name], ".", color=GREY, markersize=3, label="measured")
-        panel.plot(comparison.t, found["run"][name], color=VERMILION, label="this scene")
-        if best:
-            panel.plot(comparison.t, found["fitted"][name], color=BLUE, linestyle="--", label="fitted")
-        panel.set_ylabel(name)
-    for name, column in comparison.measured.items():
-        columns |= {f"measured {name}": column} | {f"{label} {name}": run[name] for label, run in found.items()}
-    return _finished("beside", "Measured and computed", "Measurement and run", figure, columns, best)
-
-
-def _difference(study: Study, comparison: Comparison, best: Fit | None) -> Picture:
-    figure, axes = stacked_axes(len(_drawn(comparison)), 2.0)
-    columns: dict[str, np.ndarray] = {"t [s]": comparison.t}
-    runs = [("this scene", VERMILION, study.run)] + ([("fitted", BLUE, best.run)] if best else [])
-    for panel, name in zip(axes, _drawn(comparison), strict=True):
-        panel.axhline(0.0, color=INK, linewidth=0.8)
-        for label, colour, run in runs:
-            columns[f"{label} {name}"] = comparison.differences(run)[name]
-            panel.plot(comparison.t, columns[f"{label} {name}"], color=colour, label=label)
-        panel.set_ylabel(f"Δ {name}")
-        panel.ticklabel_format(axis="y", style="sci", scilimits=(-3, 3))
-    return _finished("difference", "Difference", "Run minus measurement", figure, columns, best)
-
-
-def _finished(
-    name: str, title: str, caption: str, figure: Figure, columns: dict[str, np.ndarray], best: Fit | None
-) -> Picture:
-    caption += f", also with fitted {best.number.what}." if best else "."
-    return picture_of(name, title, caption, figure.axes, "time [s]", columns)
+def _pictures(study: Study, comparison: Comparison, best: Fit | None) -> Iterator[Picture]:
+    """Yield the measurement with the runs, and the runs minus the measurement."""
+    runs = {"this scene": study.run} | ({"fitted": best.run} if best else {})
+    looks: dict[str, dict[str, Any]] = {
+        "measured": {"marker": ".", "linestyle": "", "color": GREY, "markersize": 3},
+        "this scene": {"color": VERMILION}, "fitted": {"color": BLUE, "linestyle": "--"},
+    }  # fmt: skip
+    beside = {"measured": comparison.measured} | {label: comparison.at_times(run) for label, run in runs.items()}
+    apart = {label: comparison.differences(run) for label, run in runs.items()}
+    for name, title, caption, sign, curves in (
+        ("beside", "Measured and computed", "Measurement and run", "", beside),
+        ("difference", "Difference", "Run minus measurement", "Δ ", apart),
+    ):
+        _, axes = stacked_axes(min(len(comparison.measured), 4), 2.2)  # more columns would make the page long
+        for panel, column in zip(axes, comparison.measured, strict=False):
+            for label, values in curves.items():
+                panel.plot(comparison.t, values[column], label=label, **looks[label])
+            panel.set_ylabel(f"{sign}{column}")
+            panel.ticklabel_format(axis="y", style="sci", scilimits=(-3, 3))
+        columns = {f"{label} {column}": y for label, values in curves.items() for column, y in values.items()}
+        also = f", also with fitted {best.number.what}." if best else "."
+        yield picture_of(name, title, caption + also, axes, "time [s]", {"t [s]": comparison.t} | columns)

@@ -3,15 +3,15 @@
 import numpy as np
 
 from flexlink.common.errors import FlexlinkError
-from flexlink.describe.joint_units import OF_JOINT
 from flexlink.dynamics.placement import frames
 from flexlink.pages.colours import CYCLE, GREY
 from flexlink.pages.numbers import number
 from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture, picture_of
-from flexlink.pages.style import NAMED_CURVES, colour_along, stacked_axes
+from flexlink.pages.style import colour_along, stacked_axes
 from flexlink.pages.tables import columns_csv, table_csv
 from flexlink.pages.verdict import Verdict
+from flexlink.results import plotting
 from flexlink.results.pictures.view import views_of
 from flexlink.scene_report.arm_picture import draw_shadow, of_arm, panels
 from flexlink.scene_report.study import Study
@@ -53,24 +53,18 @@ def _postures(study: Study) -> Picture:
 
 
 def _in_time(study: Study) -> Picture:
-    run, chain = study.run, study.chain
-    own, kinds = chain.in_own_units(run.q), [*chain.by_unit(chain.active.tolist())] or [(OF_JOINT[False], [])]
-    _, axes = stacked_axes(len(kinds) + (2 if study.bends else 1), 1.9)
+    run, chain, own = study.run, study.chain, study.chain.in_own_units(study.run.q)
+    drawn = [draw for name, draw in plotting.panels(run) if name in ("joints", "tip")]
+    _, axes = stacked_axes(len(drawn) + study.bends, 1.9)
+    for draw, panel in zip(drawn, axes, strict=False):
+        draw(panel)
     columns = {"t [s]": run.t}
-    for panel, (kind, joints) in zip(axes, kinds, strict=False):
-        for place, k in enumerate(joints):
-            name = chain.joint_name(k)
-            panel.plot(run.t, own[:, k], color=CYCLE[place % len(CYCLE)], label=name if place < NAMED_CURVES else None)
-            columns[f"{name} [{kind.unit}]"] = own[:, k]
-        panel.set_ylabel(f"joint {kind.place} [{kind.unit}]")
-    for k, axis in enumerate("xyz"):
-        axes[len(kinds)].plot(run.t, run.tip[:, k], color=CYCLE[k], label=axis)
-        columns[f"tip {axis} [m]"] = run.tip[:, k]
-    axes[len(kinds)].set_ylabel("tip position [m]")
+    for kind, joints in chain.by_unit(chain.active.tolist()):
+        columns |= {f"{chain.joint_name(k)} [{kind.unit}]": own[:, k] for k in joints}
+    columns |= {name: column for name, column in run.columns.items() if name.startswith("tip ")}
     if study.bends:
         axes[-1].plot(run.t, 1e3 * study.bent_by, color=CYCLE[3])
         axes[-1].set_ylabel("deflection [mm]")
         columns["tip deflection [m]"] = study.bent_by
-    words = " and ".join(f"{kind.place}s" for kind, _ in kinds).capitalize()
-    caption = f"{words} of the driven joints; tip position in frame 0" + ("; tip deflection." if study.bends else ".")
-    return picture_of("motion", "Joint angles and tip", caption, axes, "time [s]", columns, each=True)
+    caption = f"Driven joints; tip position in frame 0{'; tip deflection' * study.bends}."
+    return picture_of("motion", "Joint positions and tip", caption, axes, "time [s]", columns, each=True)

@@ -3,7 +3,6 @@
 import numpy as np
 
 from flexlink.dynamics.vibration.modal import Modes, modes
-from flexlink.pages.colours import BLUE, VERMILION
 from flexlink.pages.numbers import number
 from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture
@@ -11,11 +10,8 @@ from flexlink.pages.style import WIDTH
 from flexlink.pages.tables import Cell, Table, table_csv
 from flexlink.pages.verdict import Fact
 from flexlink.results.convergence import resolved
-from flexlink.results.pictures.view import view_of_motion
-from flexlink.scene_report.arm_picture import draw_shadow
+from flexlink.results.plotting import path_of, plot_modes
 from flexlink.scene_report.study import Study
-
-from matplotlib.figure import Figure  # isort: skip
 
 
 def made(study: Study) -> Part | None:
@@ -34,7 +30,7 @@ def made(study: Study) -> Part | None:
     heads = ("mode", "frequency [Hz]", "damping ratio", "kind", "tip moves most along", "resolved by the hinges")
     lines = tuple((*_line(found, k), "yes" if fine[k] else "no") for k in range(len(found.eigenvalues)))
     table = Table("modes", "Natural frequencies", heads, lines, to_look_up=len(lines) > 12)
-    return Part(tuple(sentences), facts=_facts(study, found), pictures=(_picture(study, found, fine),), tables=(table,))
+    return Part(tuple(sentences), facts=_facts(study, found), pictures=(_picture(study, found),), tables=(table,))
 
 
 def _first(found: Modes) -> str:
@@ -60,30 +56,12 @@ def _line(found: Modes, k: int) -> tuple[Cell, ...]:
     return k + 1, float(found.hertz[k]), float(found.damping_ratios[k]), found.kinds[k], axis
 
 
-def _picture(study: Study, found: Modes, fine: tuple[bool, ...]) -> Picture:
-    amplitude = 0.08 * study.chain.size
+def _picture(study: Study, found: Modes) -> Picture:
     shown = min(4, len(found.eigenvalues))
-    figure = Figure(figsize=(WIDTH, 2.3 * ((shown + 1) // 2)), layout="constrained")
-    axes = figure.subplots((shown + 1) // 2, 2, squeeze=False).ravel()
-    lines: list[tuple[object, ...]] = []
-    for k, panel in enumerate(axes):
-        panel.set_visible(k < shown)
-        if k >= shown:
-            continue
-        path = found.paths[k].real if np.abs(found.paths[k].real).max() > 0 else found.paths[k].imag
-        bent = found.points + amplitude / (np.abs(path).max() or 1.0) * path
-        view = view_of_motion(study.chain, found.points, bent)
-        draw_shadow(panel, view, found.points, study.chain, base=False)
-        look = {"linestyle": "-", "color": BLUE} if fine[k] else {"linestyle": "--", "color": VERMILION}
-        draw_shadow(panel, view, bent, study.chain, base=False, linewidth=None, marker=".", markersize=4, **look)
-        coarse = "" if fine[k] else ", not resolved"
-        frequency = f"{number(float(found.hertz[k]))} Hz" if np.isfinite(found.hertz[k]) else "unstable, no frequency"
-        panel.set_title(f"{k + 1}: {frequency}{coarse}")
-        panel.set_aspect("equal", adjustable="datalim")
-        panel.set_xlabel(view.labels[0].removesuffix(" [m]"), fontsize=9)
-        panel.set_ylabel(view.labels[1].removesuffix(" [m]"), fontsize=9)
+    figure = plot_modes(found, study.chain, shown, WIDTH)
+    for panel in figure.axes:
         panel.set(xticks=[], yticks=[])
-        lines += [(k + 1, body, *p) for body, p in enumerate(path.tolist())]
+    lines = [(k + 1, body, *p) for k in range(shown) for body, p in enumerate(path_of(found, k).tolist())]
     csv = table_csv(("mode", "body", "x", "y", "z"), lines)
     caption = "Grey: equilibrium. Blue: mode shape, amplitude not to scale. Dashed: too few hinges for this mode."
     return Picture("shapes", "Lowest modes", figure, caption, csv)
