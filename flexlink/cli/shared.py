@@ -12,14 +12,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import msgspec
-import numpy as np
-
 from flexlink.common.errors import ArgumentError, Diagnostic, FlexlinkError
 from flexlink.common.notebook import drawing_module
 from flexlink.common.output import check_writable, write_or_keep
 from flexlink.common.wording import coloured, id_of
-from flexlink.data.documents import shown_path
+from flexlink.data.documents import in_json, shown_path
 from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.scene import Scene
 from flexlink.describe.scene_file import load_scene
@@ -137,21 +134,10 @@ def command_line() -> str:
 
 
 def print_json(document: object) -> None:
-    """Print a document in SI units, with null for numbers that are not finite and [re, im] for complex numbers."""
-    print(msgspec.json.format(msgspec.json.encode(document, enc_hook=_plain), indent=1).decode())
+    """Print a document in SI units, as in `in_json`."""
+    print(in_json(document))
 
 
 def with_ids(texts: tuple[str, ...]) -> list[dict[str, str]]:
     """Diagnostics as objects with id and text."""
     return [{"id": text.id if isinstance(text, Diagnostic) else "", "text": str(text)} for text in texts]
-
-
-def _plain(value: object) -> object:
-    """Convert types unknown to msgspec: arrays, NumPy numbers, complex numbers, texts with an id."""
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    if isinstance(value, Diagnostic):
-        return str(value)
-    if isinstance(value, complex):
-        return value.real, value.imag
-    raise NotImplementedError(type(value).__name__)

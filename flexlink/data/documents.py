@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 
-from flexlink.common.errors import ArgumentError, DataFileError, FlexlinkError, SceneError
+from flexlink.common.errors import ArgumentError, DataFileError, Diagnostic, FlexlinkError, SceneError
 from flexlink.common.types import T
 from flexlink.common.wording import truncated
 
@@ -43,6 +44,22 @@ def read_toml(path: Path) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:  # ValueError: TOMLDecodeError, or an integer of 5000 digits
         program = "; a Python script: run it by python" if path.suffix == ".py" else ""
         raise SceneError(f"{path}: not TOML: {explained(text, error)}{program}", id="not-toml") from None
+
+
+def in_json(document: object) -> str:
+    """A document as JSON, with null for numbers that are not finite and [re, im] for complex numbers."""
+    return msgspec.json.format(msgspec.json.encode(document, enc_hook=_plain), indent=1).decode()
+
+
+def _plain(value: object) -> object:
+    """Convert types unknown to msgspec: arrays, NumPy numbers, complex numbers, texts with an id."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Diagnostic):
+        return str(value)
+    if isinstance(value, complex):
+        return value.real, value.imag
+    raise NotImplementedError(type(value).__name__)
 
 
 @contextlib.contextmanager

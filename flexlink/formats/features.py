@@ -1,5 +1,6 @@
 """Features that a format cannot represent, and a check of a scene for them; all formats represent the others."""
 
+import functools
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -12,8 +13,11 @@ from flexlink.data.documents import read_toml, shown_path
 from flexlink.describe.initial import BaseState
 from flexlink.describe.scene import Scene
 
-TEXTS: dict[str, dict[str, str]] = read_toml(Path(__file__).with_suffix(".toml"))
-"""Feature → format that cannot represent it → what happens instead."""
+
+@functools.cache
+def texts() -> dict[str, dict[str, str]]:
+    """Feature → format that cannot represent it → what happens instead."""
+    return read_toml(Path(__file__).with_suffix(".toml"))
 
 
 def _starts_elsewhere(scene: Scene, chain: Chain) -> bool:
@@ -47,13 +51,13 @@ PRESENT: dict[str, Callable[[Scene, Chain], bool]] = {
     "tip wrench": lambda scene, _: scene.wrench.acts,
     "initial state": _starts_elsewhere,
 }
-"""Whether a scene has a feature, in the order of `TEXTS`."""
+"""Whether a scene has a feature, in the order of `texts`."""
 
 
 def unsupported(scene: Scene, chain: Chain, *, format: str) -> dict[str, str]:
     """Return the features of a scene, and of its chain, that a format cannot represent, and what happens instead."""
     require_one_of("format", format, dict.fromkeys(("urdf", "mjcf", "sdf")))
-    known = {name: instead[format] for name, instead in TEXTS.items() if format in instead}
+    known = {name: instead[format] for name, instead in texts().items() if format in instead}
     return {name: instead for name, instead in known.items() if PRESENT[name](scene, chain)}
 
 

@@ -27,6 +27,7 @@ class Cause(NamedTuple):
     unknown: Coordinate
     sources: Sequence[Source]  # the measurements, with scenes that contain the unknown
     tried: tuple[float, ...]  # values to try
+    stated: bool = True  # whether the scene states a value, with which a search begins
 
 
 def causes(signals: Signals, x: Array) -> Iterator[Cause]:
@@ -53,15 +54,21 @@ def _cause(row: dict[str, Any], link: Link, scenes: Sequence[Scene], sources: Se
             return None
         added = {f"section.{taper}": without_defaults(section), f"{on['link']}.section_tip": taper}
         on["taper"] = f"{taper}.{BREADTHS[section.shape][1]}"
-    path = row["path"].format(**on)
-    whole = [scene.varied(added) if added else scene for scene in scenes]
+    path, lengthens = row["path"].format(**on), row["path"].endswith(".length")
+
+    def prepared(scene: Scene) -> Scene:
+        at_end = [one for one in scene.sensor if one.x == link.length and arm.number(one.link) == arm.number(link.name)]
+        moved = {f'sensor."{one.name}".x': None for one in at_end if lengthens}  # sensors at the end remain there
+        return scene.varied(added | moved) if added or moved else scene
+
+    whole = [prepared(scene) for scene in scenes]
     now, *others = {scene.values_at(path)[0] for scene in whole}
-    tried = (0.8 * now, 1.25 * now) if now else tuple(row.get("tried", ()))
+    tried = tuple(by * now for by in row.get("factors", (0.8, 1.25))) if now else tuple(row.get("tried", ()))
     if others or not tried:
         return None
-    unknown = coordinate_of(whole[0], FitParameter(path=path, start=tried[0], scale="log"))
-    own = [dataclasses.replace(one, scene=one.scene.varied(added)) if added else one for one in sources]
-    return Cause(row["name"].format(link=link.name, material=link.material), unknown, own, tried)
+    unknown = coordinate_of(whole[0], FitParameter(path=path, start=now or tried[0], scale="log"))
+    own = [dataclasses.replace(one, scene=prepared(one.scene)) for one in sources]
+    return Cause(row["name"].format(link=link.name, material=link.material), unknown, own, tried, bool(now))
 
 
 @functools.cache

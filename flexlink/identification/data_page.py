@@ -53,7 +53,7 @@ class Shown:
         return f"{self.source.name}: {self.block.name}"
 
 
-def chapters_of_data(problem: FitProblem) -> Chapters:
+def data_chapters(problem: FitProblem) -> Chapters:
     """Chapters "Data" and "Spectra" for the data of a problem, with predictions at the initial guess."""
     predicted = [*_predicted(problem)]
     shown = [_shown(source, row) for source, rows in predicted if source.is_run for row in rows]
@@ -161,7 +161,7 @@ def _picture(name: str, title: str, caption: str, shown: Sequence[Shown], *, res
         gap = np.searchsorted(one.t, one.gaps[:, 1])  # nan there, where a line would suggest data
         t = np.insert(one.t, gap, one.gaps.mean(axis=1))
         for label, y in values.items():
-            panel.plot(t, np.insert(y, gap, np.nan), label=label, **_look(label, len(y)))
+            panel.plot(t, np.insert(y, gap, np.nan), label=label, **look(label, len(y)))
         _mark(panel, one, next(iter(values.values())))
         panel.set_ylabel(one.block.name)
         panel.set_title(f"{one.source.name} ({one.source.use})", loc="left")
@@ -171,13 +171,15 @@ def _picture(name: str, title: str, caption: str, shown: Sequence[Shown], *, res
     return picture_of(name, f"{title}, {shown[0].source.name}", caption, axes, "time [s]", columns)
 
 
-def _look(label: str, samples: int) -> dict[str, Any]:
+def look(label: str, samples: int = 0) -> dict[str, Any]:
+    """Look of a curve, which is the same in all figures; measurements are dots."""
     most = 1500  # largest number of samples drawn as dots; more are drawn as a line
     dots = {"linestyle": "", "marker": ".", "markersize": 3} if samples <= most else {"linewidth": 0.9}
-    return {
-        "measured": {"color": GREY, **dots}, "predicted": {"color": BLUE, "linewidth": 1.0},
-        "residual": {"color": INK, "linewidth": 0.8},
-    }[label]  # fmt: skip
+    looks: dict[str, dict[str, Any]] = {
+        "measured": {"color": GREY, **dots}, "predicted": {"color": BLUE, "linewidth": 1.0}, "fitted": {"color": BLUE},
+        "before": {"color": VERMILION, "linewidth": 0.8},
+    }  # fmt: skip
+    return looks.get(label, {"color": INK, "linewidth": 0.8})
 
 
 def _mark(panel: Axes, one: Shown, y: Array) -> None:
@@ -276,18 +278,14 @@ def compared(fitted: Fitted) -> list[Compared]:
 
 def response_picture(one: Compared) -> Picture:
     """Picture of a response: magnitude, phase, and coherence if it is known."""
-    looks: dict[str, dict[str, Any]] = {
-        "measured": {"color": GREY, "linestyle": "", "marker": ".", "markersize": 4}, "fitted": {"color": BLUE},
-        "before": {"color": VERMILION, "linewidth": 0.8},
-    }  # fmt: skip
     f, known = one.measured.f, bool(np.isfinite(one.measured.coherence).any())
     _, axes = stacked_axes(2 + known, 2.2)
     columns = {"f [Hz]": f}
     for label, H in {"measured": one.measured.H, **one.predicted}.items():
         size, phase = np.abs(H), np.degrees(np.angle(H))
-        axes[0].loglog(f, np.where(size > 0, size, np.nan), label=label, **looks[label])
+        axes[0].loglog(f, np.where(size > 0, size, np.nan), label=label, **look(label))
         turns = (np.abs(np.diff(phase, append=phase[-1])) > 180) & (label != "measured")  # no line is drawn there
-        axes[1].semilogx(f, np.where(turns, np.nan, phase), **looks[label])
+        axes[1].semilogx(f, np.where(turns, np.nan, phase), **look(label))
         columns |= {f"{label} {one.measured.name}": size, f"{label} phase [deg]": phase}
     axes[0].set_ylabel(unit_in(one.measured.name))
     axes[0].set_title(f"{one.name} ({one.use}): {one.measured.name.rpartition(' [')[0]}", loc="left")

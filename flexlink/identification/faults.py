@@ -36,7 +36,7 @@ With AR models from the same samples it is several times larger: with a level of
 
 AS_MUCH = 0.95
 """Smallest part of what the best explanation explains, with which a physical cause explains as much."""
-TRIED = 4  # number of physical causes with which the fit is repeated
+TRIED = 6  # number of physical causes with which the fit is repeated
 
 
 class Fault(NamedTuple):
@@ -122,24 +122,27 @@ def best_refits(search: Search, found: Found, named: Sequence[Fault], tried: Seq
     """
     better = 0.7  # largest cost with one more unknown, relative to the cost without it
     hardly = 1.1  # largest cost with an unknown that explains as much, relative to the least
-    cost, fits = search.cost(found.x, [[white(block) for block in part] for part in found.blocks]), list[Refit]()
-    physical = [one for one in tried if one.cause is not None]
-    # scores are rounded: springs in series, as of root and gear, have the same one, and the first of the table is tried
-    for one in sorted(physical, key=lambda one: -round(one.score, 1))[:TRIED]:
-        least = min((fit.cost for _, _, fit in fits), default=cost)
-        if (
-            one.cause is not None and one.score**2 > cost - least
-        ):  # twice the change of the cost that the score predicts
-            fits += _refitted(search, found, one.cause)
-    fits = [fit for one in physical for fit in fits if fit[0].column == one.column]  # in the order of the table
-    timed = (fit for cause in _timings(search) for fit in _refitted(search, found, cause))
-    fits += sorted(timed, key=lambda fit: fit[2].cost)
+    cost = search.cost(found.x, [[white(block) for block in part] for part in found.blocks])
+    # scores are rounded: springs in series, as of root and gear, have the same one, and both are tried
+    scores = sorted((round(one.score, 1) for one in tried if one.cause is not None), reverse=True)[:TRIED]
+    likely = [one.cause for one in tried if one.cause is not None and round(one.score, 1) >= scores[-1]]
+    fits = [fit for cause in (*likely, *_timings(search)) for fit in _refitted(search, found, cause)]
     of_columns = max((one.score**2 / 2 for one in tried if one.cause is None and one.column), default=0.0)
     least = min([fit.cost for _, _, fit in fits] + [cost - of_columns])
-    alike = max(scipy.special.chdtri(1, LEVEL) / 2, (1 - AS_MUCH) * (cost - least))  # the data do not distinguish these
-    fits = [fit for fit in fits if fit[2].cost <= min(least + alike, hardly * least)]
+    fits = [fit for fit in fits if fit[2].cost <= min(least + _resolved(fits), cost - _resolved(fits), hardly * least)]
     shown = {one.column for one in named if one.cause is not None}
-    return fits if fits and (fits[0][0].column in shown or least < better * cost) else []
+    return fits if shown & {fault.column for fault, _, _ in fits} or least < better * cost else []
+
+
+def _resolved(fits: Sequence[Refit]) -> float:
+    """Smallest difference of costs that distinguishes explanations, by χ² of the autocorrelated residuals of the best.
+
+    Residuals are divided by a noise that was estimated without the cause, so their mean square is not 1.
+    """
+    _, search, found = min(fits, key=lambda fit: fit[2].cost)
+    every = [row.residual for row in likelihood(search.signals, found.x, found.blocks).every]
+    size = sum(float(e @ e) * colour_of(e).correlation_length for e in every) / sum(map(len, every))
+    return float(scipy.special.chdtri(1, LEVEL)) / 2 * size
 
 
 def _timings(search: Search) -> list[Cause]:
@@ -151,14 +154,16 @@ def _timings(search: Search) -> list[Cause]:
 
 
 def _refitted(search: Search, found: Found, cause: Cause) -> list[Refit]:
-    """The fit with one more unknown, the better one from the initial guess and from the solution; none if it fails."""
-    most = 12  # number of evaluations, which are enough to distinguish causes
+    """The fit with one more unknown, from the initial guess, or else from the solution; none if it fails."""
+    few, most = 4, 8  # number of evaluations in parts of the runs, and of whole runs, that are enough to compare causes
     unknown, plain = cause.unknown, [[white(block) for block in part] for part in found.blocks]
     longer = Search(Signals(cause.sources, [*search.coordinates, unknown]), search.loss)
-    starts = [np.append(x, unknown.x(cause.tried[0])) for x in (guess_of(search.coordinates), found.x)]
+    value = unknown.x(unknown.start if cause.stated else cause.tried[0])
+    guess, solution = (np.append(x, value) for x in (guess_of(search.coordinates), found.x))
     try:
-        found_x = [longer.least(start, plain, rough=True, most=most) for start in starts]
-        x = min(found_x, key=lambda x: longer.cost(x, plain))
+        x = longer.least(longer.grown(guess, few), plain, rough=True, most=most)
+        if longer.cost(x, plain) >= search.cost(found.x, plain):
+            x = min(x, longer.least(solution, plain, rough=True, most=most), key=lambda x: longer.cost(x, plain))
         wide = float(np.sqrt(longer.at(x, plain).covariance[-1, -1]))
     except FlexlinkError:  # the scene cannot be simulated with it
         return []
@@ -184,15 +189,12 @@ def mixups(at: Likelihood) -> list[Diagnostic]:
                 found.append(Diagnostic(f"{text}reverse its sign", "likely-sign"))
         for (a, ya), (b, yb) in itertools.combinations(columns, 2):
             if a.unit == b.unit and len(a.y) == len(b.y) and all(
-                _off(own.y, other) < closer * _off(own.y, mine) for own, mine, other in ((a, ya, yb), (b, yb, ya))
+                np.linalg.norm(own.y - other) < closer * np.linalg.norm(own.y - mine)
+                for own, mine, other in ((a, ya, yb), (b, yb, ya))
             ):  # fmt: skip
                 text = f"{source.name}: {a.name} and {b.name} each resemble the other's prediction; swap them"
                 found.append(Diagnostic(text, "likely-swapped"))
     return found
-
-
-def _off(a: Array, b: Array) -> float:
-    return float(np.linalg.norm(a - b))
 
 
 def outliers(search: Search, found: Found) -> list[Diagnostic]:
@@ -219,9 +221,7 @@ def _physical(signals: Signals, at: Likelihood) -> Iterator[Fault]:
                 model = longer.model(point)
             except FlexlinkError:  # the scene cannot be simulated with it
                 continue
-            pairs = [
-                (row, y) for rows, part in zip(at.rows, model, strict=True) for row, y in zip(rows, part, strict=True)
-            ]
+            pairs = zip(at.every, itertools.chain(*model), strict=True)
             effect = [row.gain * (y - row.y) / row.block.σ for row, y in pairs if row.block.t is not None]
             own = cause._replace(tried=(value,))
             yield Fault("cause", "", cause.unknown.path, cause.unknown.measured_in, np.concatenate(effect), cause=own)
@@ -277,16 +277,21 @@ def _best_sizes(tried: Sequence[Fault], e: Array, J: Array) -> list[Fault]:
 
 
 def _whitened(e: Array, J: Array, S: Array, lengths: Sequence[int]) -> tuple[Array, Array, Array]:
-    """Residuals, Jacobian and effects of faults, whitened by AR models of the residuals that all of them leave."""
-    rounds = 2  # the first models are those of residuals that were not whitened
-    X, cuts = np.column_stack([J, S]), np.cumsum(lengths)[:-1]
+    """Residuals, Jacobian and effects of faults, whitened by AR models of the residuals that all of them leave.
+
+    With few samples, all effects together would fit the noise; only their largest principal components are removed.
+    """
+    rounds, share = 2, 15  # the first models are those of residuals that were not whitened; samples per component
+    size, cuts = np.linalg.norm(S, axis=0), np.cumsum(lengths)[:-1]
+    main = np.linalg.svd(S / np.where(size > 0, size, 1.0), full_matrices=False)[0][:, : len(e) // share]
+    X, last = np.column_stack([J, main, S]), J.shape[1] + main.shape[1]
     white_e, white_X = e, X
     for _ in range(rounds):
-        left = e - X @ np.linalg.lstsq(white_X, white_e, rcond=None)[0]
+        left = e - X[:, :last] @ np.linalg.lstsq(white_X[:, :last], white_e, rcond=None)[0]
         colours = [_scaled(colour_of(part)) for part in np.split(left, cuts)]
         white_e = np.concatenate([by(part[:, None])[:, 0] for by, part in zip(colours, np.split(e, cuts), strict=True)])
         white_X = np.vstack([by(part) for by, part in zip(colours, np.split(X, cuts), strict=True)])
-    return white_e, white_X[:, : J.shape[1]], white_X[:, J.shape[1] :]
+    return white_e, white_X[:, : J.shape[1]], white_X[:, last:]
 
 
 def _scaled(colour: Colour) -> Callable[[Array], Array]:

@@ -196,7 +196,7 @@ def quick_estimates(problem: FitProblem, worth: float) -> tuple[Estimate, ...]:
     explained = at.slopes @ np.linalg.lstsq(at.slopes, at.residual, rcond=None)[0]
     if not explained @ explained > worth * (at.residual @ at.residual):
         return ()
-    at = search.at(search.near(x), blocks)
+    at = search.at(search.least(x, blocks, rough=True), blocks)
     return tuple(estimates(at, spread_at(at)))
 
 

@@ -1,7 +1,6 @@
 """Result of a fit: estimates with intervals, errors and verdicts, residuals, the fitted scene, JSON."""
 
 import dataclasses
-import json
 import math
 from pathlib import Path
 from types import ModuleType
@@ -11,7 +10,7 @@ from flexlink.common.errors import Diagnostic
 from flexlink.common.notebook import builder, html_table
 from flexlink.common.output import write_text
 from flexlink.common.types import Array
-from flexlink.data.documents import require_path
+from flexlink.data.documents import in_json, require_path
 from flexlink.describe.scene import Scene
 from flexlink.identification.block import unit_in
 from flexlink.identification.identifiability import Check
@@ -335,7 +334,7 @@ class Fitted:
             `path` is not a path, or cannot be written.
         """
         path = require_path("path", path)
-        write_text(path, json.dumps(_finite(self.document()), indent=1, ensure_ascii=False) + "\n")
+        write_text(path, f"{in_json(self.document())}\n")
         return path
 
 
@@ -353,11 +352,3 @@ def _of_column(one: FittedColumn) -> dict[str, Any]:
         "gain": one.gain, "bias": one.bias, "noise": one.noise, "whiteness": one.whiteness,
         "unexplained": one.unexplained, "floor": one.floor, "floor_from": one.floor_from, "within": one.within,
     }  # fmt: skip
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

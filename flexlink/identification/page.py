@@ -1,11 +1,9 @@
 """Pages of fits and of checks: estimates and intervals, measurements and predictions, residuals, identifiability."""
 
 import itertools
-import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -13,14 +11,15 @@ from msgspec.structs import replace
 
 from flexlink.common.output import begin_page, write_text
 from flexlink.common.wording import plural, truncated
+from flexlink.data.documents import in_json
 from flexlink.describe.scene import Scene
 from flexlink.describe.writing import toml_of, without_defaults
-from flexlink.identification.data_page import Chapters, chapters_of_data, compared, response_picture, response_table
+from flexlink.identification.data_page import Chapters, compared, data_chapters, look, response_picture, response_table
 from flexlink.identification.fitted import Estimate, Fitted, FittedColumn
 from flexlink.identification.identifiability import WIDE, Check, document
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.proposals import Proposals
-from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
+from flexlink.pages.colours import INK
 from flexlink.pages.numbers import JOIN, amount, number
 from flexlink.pages.page import write_page
 from flexlink.pages.part import Part, written
@@ -55,7 +54,7 @@ def build_check(
 ) -> Report:
     """Write page and files of a check, or of a fit that it refused, the data first; with `proposals` of experiments."""
     begin_page(folder)
-    write_text(folder / "check.json", json.dumps(document(check), indent=1, ensure_ascii=False) + "\n")
+    write_text(folder / "check.json", f"{in_json(document(check))}\n")
     identifiable = f"{plural(len(check.names), 'parameter')} identifiable at the initial guess. Nothing was fitted."
     refused = f"Nothing was fitted: {'; also '.join(one.text for one in check.lost)}."
     verdict = Verdict(
@@ -64,7 +63,7 @@ def build_check(
     )  # fmt: skip
     with mpl.rc_context(RC):
         parts = {
-            **chapters_of_data(problem),
+            **data_chapters(problem),
             **_identifiability(check, proposals),
             **_problem(problem, _priors_in_words(problem) + _differences_of_runs(problem)),
             **_reproduction(problem.scene, START, command),
@@ -242,16 +241,12 @@ def _panels(
     name: str, title: str, caption: str, drawn: list[FittedColumn], curves: list[dict[str, np.ndarray]]
 ) -> Picture:
     """Picture with one panel per column; `curves` contains the curves of each panel by name."""
-    looks: dict[str, dict[str, Any]] = {
-        "measured": {"color": GREY, "linestyle": "", "marker": ".", "markersize": 3}, "fitted": {"color": BLUE},
-        "before": {"color": VERMILION, "linewidth": 0.8}, "free linear": {"color": INK, "linewidth": 0.8},
-    }  # fmt: skip
     _, axes = stacked_axes(len(drawn), 2.2, share=False)
     columns: dict[str, np.ndarray] = {}
     for panel, one, several in zip(axes, drawn, curves, strict=True):
         columns[f"{one.source}: t [s] of {one.name}"] = np.asarray(one.t)
         for label, values in several.items():
-            panel.plot(one.t, values, label=label, **looks[label])
+            panel.plot(one.t, values, label=label, **look(label))
             columns[f"{one.source}: {label} {one.name}"] = values
         panel.set_ylabel(one.name)
         panel.set_title(f"{one.source} ({one.use})", loc="left")

@@ -95,18 +95,10 @@ class Search:
 
     def from_start(self, x: Array) -> Found:
         """Search from an initial guess."""
-        windows = 0.0, 0.15, 0.4  # growing parts of each run: the cost of a long run has false minima a period apart
-        self.signals.model(x)
         sources = self.signals.sources
-        blocks = [list(source.blocks) for source in sources]
-        single = [source for source in sources if not source.is_run]
-        runs = len(single) < len(sources)
-        rough = [source.rough for source in sources if source.rough is not None]
-        x = Search(Signals(rough, self.coordinates), self.loss, watch=self.watch).near(x) if rough else x
-        for part in windows if runs else ():
-            cut = [source.first(part) for source in sources if source.is_run] if part else []
-            if part or single:
-                x = Search(Signals([*cut, *single], self.coordinates), self.loss, watch=self.watch).near(x)
+        self.signals.model(x)
+        blocks, runs = [list(source.blocks) for source in sources], any(source.is_run for source in sources)
+        x = self.grown(x)
         every = [block for part in blocks for block in part]
         unstated = len(every) > 1 and not all(block.stated for block in every)  # noise that affects the solution
         weighs = unstated or self.loss == "trimmed"
@@ -121,9 +113,17 @@ class Search:
         blocks = self.weighed(x, blocks)
         return self._coloured(Found(x, cost, blocks)) if self.coloured else Found(x, cost, blocks)
 
-    def near(self, x: Array) -> Array:
-        """Result of a rough search from a point."""
-        return self.least(x, [list(source.blocks) for source in self.signals.sources], rough=True)
+    def grown(self, x: Array, most: int = 30) -> Array:
+        """Result of rough searches for single measurements, then for growing parts of the runs as well."""
+        windows = 0.0, 0.15, 0.4  # the cost of a long run has false minima a period apart
+        sources = self.signals.sources
+        single, rough = [one for one in sources if not one.is_run], [one.rough for one in sources if one.rough]
+        parts = [[*(one.first(end) for one in sources if one.is_run and end), *single] for end in windows]
+        for known in (rough, *(parts if len(single) < len(sources) else ())):
+            if known:
+                part = Search(Signals(known, self.coordinates), self.loss, watch=self.watch)
+                x = part.least(x, [list(one.blocks) for one in known], rough=True, most=most)
+        return x
 
     def _coloured(self, plain: Found) -> Found:
         """Continue the search with autocorrelated noise.

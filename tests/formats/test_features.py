@@ -8,7 +8,7 @@ import pytest
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.formats import FORMATS
-from flexlink.formats.features import PRESENT, TEXTS, unsupported
+from flexlink.formats.features import PRESENT, texts, unsupported
 from flexlink.formats.small_mass import added_inertia, with_small_mass
 from tests.conftest import ROOT, flexible, make_scene, nasty_scene
 from tests.support.words import refused, refused_line, reviewed
@@ -48,7 +48,7 @@ def test_only_the_features_of_an_arm_are_noted(feature: str) -> None:
         missing = unsupported(scene, fl.lump(scene), format=format)
         springs = {name: {"springs"} for name in ("springs between hinges", "springs of rotation vectors")}
         implied = {"elastic gear": {"springs", "rotor inertia"}, **springs}.get(feature, set())
-        assert set(missing) == {name for name in {feature, *implied} if format in TEXTS[name]}
+        assert set(missing) == {name for name in {feature, *implied} if format in texts()[name]}
 
 
 def test_the_angle_of_a_locked_joint_is_part_of_the_arm() -> None:
@@ -70,8 +70,8 @@ def test_an_unknown_format_is_refused() -> None:
 
 
 def test_the_table_of_features_names_known_formats_only() -> None:
-    assert all(set(instead) <= set(FORMATS) for instead in TEXTS.values())
-    assert [*PRESENT] == [*TEXTS]
+    assert all(set(instead) <= set(FORMATS) for instead in texts().values())
+    assert [*PRESENT] == [*texts()]
 
 
 def test_an_export_prints_the_features_that_a_format_cannot_store(tmp_path, capsys) -> None:

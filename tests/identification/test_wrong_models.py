@@ -15,7 +15,7 @@ from flexlink.identification.coordinates import coordinates_of, guess_of
 from flexlink.identification.data import sources_of
 from flexlink.identification.floor import Floor, excess, floor_of, warnings_of_floors
 from flexlink.identification.signals import Signals
-from tests.campaigns.random_fits import problem_of
+from tests.campaigns.random_fits import drawn, problem_of, record, scene_of
 from tests.identification.test_page import column
 from tests.support.fits import CLAMPED, boom, problem
 from tests.support.words import reviewed
@@ -80,10 +80,8 @@ def test_causes_are_those_that_the_scene_allows_and_that_are_not_sought() -> Non
     t = tuple(0.005 * np.arange(41))
     run = fl.fits.FitRun(name="a", columns={"t [s]": t, "tip y [m]": (0.0,) * 41})
     free = applying(problem(boom(), ("link.*.joint.armature",), run))
-    there, sought = (
-        {"link.boom.joint.coulomb", "section.strip_tip.height", "tip.mass", "material.steel.young"},
-        "tip.mass",
-    )
+    joint, sought = {"link.boom.joint.coulomb", "link.boom.joint.quadratic"}, "tip.mass"
+    there = joint | {sought, "section.strip_tip.height", "material.steel.young"}
     assert there < free
     assert not [path for path in free if path.endswith(".armature")]
     longer = problem(boom(), (sought,), replace(run, set={"link.boom.length": 1.1}))
@@ -93,11 +91,25 @@ def test_causes_are_those_that_the_scene_allows_and_that_are_not_sought() -> Non
     assert [path for path in clamped if path.endswith("drag.coefficient")]
 
 
+def test_a_shorter_link_keeps_the_sensors_at_its_end() -> None:
+    sensors = (fl.Sensor(name="end", kind="gyroscope", link="boom", axis=(0, 0, 1), x=1.0),
+               fl.Sensor(name="root", kind="strain", link="boom", x=0.05, fibre=(0.002, 0.0)))  # fmt: skip
+    t = tuple(0.005 * np.arange(41))
+    run = fl.fits.FitRun(name="a", columns={"t [s]": t, "end [rad/s]": (0.0,) * 41, "root [1]": (0.0,) * 41})
+    of = problem(boom(sensor=sensors), ("tip.mass",), run)
+    coordinates = coordinates_of(of)
+    found = causes(Signals(sources_of(of, "fit"), coordinates), guess_of(coordinates))
+    (length,) = (one for one in found if one.unknown.path == "link.boom.length")
+    shorter = length.sources[0].scene.varied({"link.boom.length": 0.9})
+    assert [one.x for one in shorter.sensor] == [None, 0.05]
+    assert length.stated and length.unknown.start == 1.0
+
+
 @pytest.mark.slow
 class TestBench:
     @pytest.mark.parametrize(("seed", "kind", "path"), [
         (1, "dry friction", "link.l0.joint.coulomb"), (3, "soft root", "link.l0.root_stiffness.z"),
-        (5, "half payload", "tip.mass"),
+        (5, "half payload", "tip.mass"), (55, "length", "link.l0.length"),
     ])  # fmt: skip
     def test_a_bench_whose_scene_lacks_a_cause_is_reported_with_it(self, seed: int, kind: str, path: str) -> None:
         of, true = problem_of(seed, kind)
@@ -108,9 +120,17 @@ class TestBench:
         reviewed("likely-cause", named, values=False)
         value = float(named.partition(" = ")[2].partition(" ")[0])
         sought = (*of.parameter, fl.fits.FitParameter(path=path, start=value, scale="log"))
-        repaired = fl.fit(replace(of, parameter=sought))
+        at_end = of.scene.varied({"sensor.acc.x": None, "sensor.gyro.x": None})  # a sought length moves its sensors
+        repaired = fl.fit(replace(of, scene=at_end, parameter=sought))
         assert repaired.explained
         assert all(abs(repaired[one].value - was) < 2 * repaired[one].half for one, was in true.items())
+
+    def test_a_record_agrees_with_a_fine_chain_to_a_tenth_of_its_noise(self) -> None:
+        p = drawn(np.random.default_rng(100))
+        fine = {"link.l0.segments": 15, "run.relative_tolerance": 1e-8, "run.tolerance": None}
+        run = fl.simulate(scene_of(p, 0.2).varied(fine))
+        for head, y in record(p, 0.2).items():
+            assert np.sqrt(np.mean((run.columns[head] - y) ** 2)) <= 0.1 * 0.01 * np.ptp(y)
 
     def test_a_right_model_is_explained(self) -> None:
         of, true = problem_of(2, "")
