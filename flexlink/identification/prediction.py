@@ -6,6 +6,7 @@ In every varied scene the number is fitted again, so what it makes up for, such 
 """
 
 import math
+import warnings
 
 import numpy as np
 from msgspec.structs import replace
@@ -46,7 +47,10 @@ def predictions(found: Fitted) -> tuple[list[str], list[tuple[float, float]], In
         def again(x: float) -> Scene:
             return scene.varied({one.path: value * math.exp(x)})
 
-        root = root_scalar(lambda x: read(again(x), "fit")[0] / wanted - 1, x0=0.0, x1=1e-3, xtol=1e-7, maxiter=20)
+        with warnings.catch_warnings(
+            action="ignore", category=RuntimeWarning
+        ):  # it also says so in its result
+            root = root_scalar(lambda x: read(again(x), "fit")[0] / wanted - 1, x0=0.0, x1=1e-3, xtol=1e-7, maxiter=20)
         if not root.converged:
             why = "does not explain the reading for other values of the uncertain inputs; fit another number"
             raise IdentifiabilityError(f"{one.path}: {why}", found.check)
