@@ -47,7 +47,7 @@ def predictions(found: Fitted) -> tuple[list[str], list[tuple[float, float]], In
         def again(x: float) -> Scene:
             return scene.varied({one.path: value * math.exp(x)})
 
-        with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # the result shows it, too
+        with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # the result shows it
             root = root_scalar(lambda x: read(again(x), "fit")[0] / wanted - 1, x0=0.0, x1=1e-3, xtol=1e-7, maxiter=20)
         if not root.converged:
             why = "does not explain the reading for other values of the uncertain inputs; fit another number"
