@@ -1,6 +1,7 @@
 """The report is one self-contained page. It depends on the stored results alone and shows first what fails."""
 
 import csv
+import dataclasses
 import html
 import os
 import re
@@ -159,6 +160,13 @@ def many_curves(methods: int, *words: str) -> Series:
 def test_columns_of_text_are_not_plotted() -> None:
     labels = [curve.label for curve in curves(many_curves(1, "scene"))]
     assert labels == [f"method 0 {name}" for name in ("energy", "momentum")]
+
+
+def test_columns_without_a_positive_value_are_not_plotted_on_a_logarithmic_scale() -> None:
+    series = many_curves(1)
+    series.columns["energy"][:] = 0.0
+    labels = [[curve.label for curve in curves(dataclasses.replace(series, y_scale=scale))] for scale in ("linear", "log")]
+    assert labels == [["method 0 energy", "method 0 momentum"], ["method 0 momentum"]]
 
 
 @pytest.mark.parametrize(("methods", "panels"), [(6, [""]), (7, ["energy", "momentum"])])
