@@ -165,8 +165,9 @@ def test_columns_of_text_are_not_plotted() -> None:
 def test_columns_without_a_positive_value_are_not_plotted_on_a_logarithmic_scale() -> None:
     series = many_curves(1)
     series.columns["energy"][:] = 0.0
-    labels = [[curve.label for curve in curves(dataclasses.replace(series, y_scale=scale))] for scale in ("linear", "log")]
-    assert labels == [["method 0 energy", "method 0 momentum"], ["method 0 momentum"]]
+    assert len([*curves(series)]) == 2
+    (curve,) = curves(dataclasses.replace(series, y_scale="log"))
+    assert curve.y.tolist() == series.columns["momentum"].tolist()
 
 
 @pytest.mark.parametrize(("methods", "panels"), [(6, [""]), (7, ["energy", "momentum"])])
