@@ -60,9 +60,12 @@ def panels_of(series: Series) -> list[tuple[str, Series]]:
 
 def quantities(series: Series) -> tuple[str, ...]:
     """Names of the numeric columns, except the horizontal one; on a logarithmic scale some value must be positive."""
-    numeric = ((name, values) for name, values in series.columns.items() if values.dtype.kind in "iuf")
-    shown = ((name, values) for name, values in numeric if series.y_scale != "log" or (values > 0).any())
-    return tuple(name for name, _ in shown if name != series.x)
+    log = series.y_scale == "log"
+    return tuple(
+        name
+        for name, values in series.columns.items()
+        if name != series.x and values.dtype.kind in "iuf" and (not log or (values > 0).any())
+    )
 
 
 def groups(series: Series) -> list[tuple[str, NDArray[np.bool_]]]:

@@ -8,6 +8,7 @@ flexlink info models/paper_fig5.toml --run run.npz
 
 import argparse
 import dataclasses
+import math
 import sys
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -40,7 +41,7 @@ def run_command(options: argparse.Namespace) -> int:
     """Print the model of a scene, and notes on keys without effect."""
     scene = varied_scene(options.scene, options)
     with prefix_errors(options.scene):
-        about, found = _examined(scene)
+        about, found = _examined(scene, options.json)
         if options.run is not None:
             about["run"] = str(Trajectory.load(options.run))
         options.document = about
@@ -52,7 +53,7 @@ def run_command(options: argparse.Namespace) -> int:
     return 0
 
 
-def _examined(scene: Scene) -> tuple[dict[str, Any], Modes | None]:
+def _examined(scene: Scene, costs: bool) -> tuple[dict[str, Any], Modes | None]:
     """The model at its start as plain data; its modes, whose time grows with the joints' cube, up to 300 joints."""
     opened, tied = open_chain(scene), bool(scene.ties)
     chain = lump(opened)
@@ -81,7 +82,7 @@ def _examined(scene: Scene) -> tuple[dict[str, Any], Modes | None]:
         "modes": [] if found is None else as_document(found),
         "first_elastic_hz": elastic_hertz(scene, chain, q) if found is not None and not tied else None,
         "fastest_eigenvalue_per_s": float(np.abs(λ).max()), "slowest_elastic_rad_per_s": slowest,
-        "stable_steps": [] if tied else list(_stable_steps(scene, chain, λ, undamped)),
+        "stable_steps": [] if tied else list(_stable_steps(scene, chain, λ, undamped, costs)),
         "notes": with_ids((*defaults(scene), *notes(scene))),
     }, None if bare is chain else found  # fmt: skip
 
@@ -155,9 +156,9 @@ def _kind(chain: Chain, k: int) -> str:
     return f"{driven}, {lower} … {upper}" if np.isfinite(chain.hinges["lower"][k]) else driven
 
 
-def _stable_steps(scene: Scene, chain: Chain, λ: Complex, undamped: Complex) -> Iterator[dict[str, Any]]:
-    """Largest stable step [s] of every method, inf if it is unlimited, and CPU time for one second of motion at it."""
-    factor = machine_factor(problem_of(scene, chain))
+def _stable_steps(scene: Scene, chain: Chain, λ: Complex, undamped: Complex, costs: bool) -> Iterator[dict[str, Any]]:
+    """Largest stable step [s] of every method, inf if it is unlimited, and CPU time for one second of motion."""
+    factor = machine_factor(problem_of(scene, chain)) if costs else math.nan  # measuring compiles the steps of a run
     for method in data_files.names("methods"):
         h, without = stable_step_of(λ, method), stable_step_of(undamped, method)
         cost = factor * step_cost(chain, method) / h if np.isfinite(h) else None

@@ -24,7 +24,7 @@ from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.dynamics.vibration.steady import first_elastic_frequency, modes_in_motion, rest_of, steady_joint
 from flexlink.motion.inputs.actuation import initial_wrench
 from flexlink.motion.inputs.initial_state import initial_state
-from flexlink.motion.intervals import intervals
+from flexlink.motion.intervals import intervals, names_at_rest
 
 
 def print_modes(scene: Scene, found: Modes, which: Iterable[int]) -> None:
@@ -135,7 +135,7 @@ def run_command(options: argparse.Namespace) -> int:
         chain, found, first = _modes(scene, options)
         if options.uncertain:
             expected = intervals(scene, lambda varied: _predicted(varied, options))
-            names = [*(f"tip {x} at rest [m]" for x in "xyz"), *(f"mode {k + 1} [Hz]" for k in range(len(found.hertz)))]
+            names = names_at_rest(len(found.hertz))
     options.document = {"scene": scene.name, "modes": as_document(found), "summary": first}
     print_modes(scene, found, range(len(found.eigenvalues)))
     print(first)

@@ -21,7 +21,7 @@ from flexlink.identification.data import sources_of
 from flexlink.identification.fitted import Fitted
 from flexlink.identification.frequency_response import at_rest
 from flexlink.identification.problem import Use
-from flexlink.motion.intervals import Intervals, intervals
+from flexlink.motion.intervals import Intervals, intervals, names_at_rest
 
 
 def predictions(found: Fitted) -> tuple[list[str], list[tuple[float, float]], Intervals]:
@@ -65,5 +65,4 @@ def predictions(found: Fitted) -> tuple[list[str], list[tuple[float, float]], In
     checks = [(source.name, block) for source in sources_of(problem, "check") for block in source.blocks]
     names = [f"{name}, {block.name}, {k}" for name, block in checks for k in range(1, len(block.y) + 1)]
     readings = [pair for _, block in checks for pair in zip(block.y.tolist(), block.σ.tolist(), strict=True)]
-    at_end = [*(f"tip {axis} at rest [m]" for axis in "xyz"), *(f"mode {k} [Hz]" for k in range(1, count + 1))]
-    return [f"{one.name} [{one.unit or 1}]", *names, *at_end][: len(expected.value)], readings, expected
+    return [f"{one.name} [{one.unit or 1}]", *names, *names_at_rest(count)][: len(expected.value)], readings, expected

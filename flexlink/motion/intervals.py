@@ -97,6 +97,11 @@ def _terms(one: Input, nominal: Array, of: Callable[[dict[str, object]], Array])
     return np.array([(up - down) / 12**0.5, (up + down - 2 * nominal) / 6])
 
 
+def names_at_rest(modes: int) -> list[str]:
+    """Names of the tip's position at rest, then of natural frequencies."""
+    return [*(f"tip {axis} at rest [m]" for axis in "xyz"), *(f"mode {k} [Hz]" for k in range(1, modes + 1))]
+
+
 def of_run(scene: Scene, run: Trajectory) -> tuple[list[str], Intervals]:
     """Names and intervals of `ends_and_peaks` of a scene, whose run this is."""
     # a fixed step may be unstable with the springs of a clamp, and differences show errors of steps

@@ -7,7 +7,7 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.vibration.modal import modes
-from flexlink.motion.intervals import Intervals, intervals, of_run
+from flexlink.motion.intervals import Intervals, intervals, names_at_rest, of_run
 from flexlink.pages.numbers import number
 from flexlink.pages.part import Part
 from flexlink.pages.tables import Cell, Table
@@ -47,11 +47,10 @@ def made(study: Study) -> Part | None:
 def _at_rest(study: Study) -> tuple[list[str], Intervals]:
     """The tip and the first natural frequencies, as in the chapters on statics and vibration."""
     count = 4
-    names = [*(f"tip {axis} at rest [m]" for axis in "xyz"), *(f"mode {k} [Hz]" for k in range(1, count + 1))]
 
     def predict(scene: Scene) -> Array:
         varied = Study(scene)
         hertz = modes(varied.chain, varied.rest.q, locked=varied.held, ties=scene, **varied.load).hertz[:count]
         return np.array([*tip_position(varied.chain, varied.rest.q), *hertz])
 
-    return names, intervals(study.scene, predict)
+    return names_at_rest(count), intervals(study.scene, predict)
