@@ -326,11 +326,12 @@ def _lengths(vectors: Array) -> Array:
 
 def merged(couplings: NDArray[np.void]) -> NDArray[np.void]:
     """Couplings of which each pair of hinges occurs once, sorted, with the sums of their constants."""
-    pairs, pair_index = np.unique(couplings[["inner", "outer"]], return_inverse=True)
+    n = couplings["outer"].max(initial=0) + 1
+    pairs, pair_index = np.unique(couplings["inner"] * n + couplings["outer"], return_inverse=True)
     joined = np.zeros(len(pairs), COUPLING)
-    joined["inner"], joined["outer"] = pairs["inner"], pairs["outer"]
+    joined["inner"], joined["outer"] = divmod(pairs, n)
     for field in ("stiffness", "damping"):
-        np.add.at(joined[field], pair_index, couplings[field])
+        joined[field] = np.bincount(pair_index, couplings[field], len(pairs))
     return joined
 
 

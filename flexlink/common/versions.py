@@ -3,6 +3,7 @@
 import functools
 import importlib
 import platform
+import tomllib
 import warnings
 from collections.abc import Iterable
 from pathlib import Path
@@ -37,34 +38,21 @@ def system() -> str:
     return f"{platform.system()} {platform.machine()}"
 
 
-OLD_NAMES = {
-    "flexlink.ReferenceTrajectory": ("describe.reference_trajectory:ReferenceTrajectory", "the class of Scene.course"),
-    "flexlink.load_sweep": ("sweeps.plan:Sweep.load", "flexlink.Sweep.load"),
-    "flexlink.load_trajectory": ("results.trajectory:Trajectory.load", "flexlink.Trajectory.load"),
-    "flexlink.measures": ("results.trajectory:Trajectory", "methods of a run, such as run.overshoot"),
-    "flexlink.rigidified": ("describe.scene:Scene.rigidified", "scene.rigidified()"),
-    "flexlink.errors.AdviceError": ("common.errors:ArgumentError", "flexlink.errors.ArgumentError"),
-    "flexlink.errors.EvaluationLimitError": (
-        "results.stop_reasons:EvaluationLimitError", "flexlink.errors.DivergenceError of the id too-many-evaluations"
-    ),
-    "flexlink.errors.FlexlinkError": ("common.errors:FlexlinkError", "flexlink.FlexlinkError"),
-    "flexlink.errors.InterruptedSweepError": ("common.errors:InterruptedSweepError", "KeyboardInterrupt"),
-    "flexlink.fits.Fitted": ("identification.fitted:Fitted", "the class of results of flexlink.fit"),
-    "flexlink.fits.Proposals": ("identification.proposals:Proposals", "the class of results of flexlink.fits.propose"),
-    "flexlink.fits.load_experiments": ("identification.experiments:Experiments.load", "flexlink.fits.Experiments.load"),
-    "flexlink.fits.load_fit": ("identification.problem:FitProblem.load", "flexlink.fits.FitProblem.load"),
-}  # fmt: skip
-"""Deprecated public names: where each is, and what replaces it."""
+@functools.cache
+def old_names() -> dict[str, tuple[str, str]]:
+    """Deprecated public names in `old_names.toml`: where each is, and what replaces it."""
+    found: dict[str, tuple[str, str]] = tomllib.loads(Path(__file__).with_name("old_names.toml").read_text("utf-8"))
+    return found
 
 
 def old_name(path: str, *, required: bool = False) -> Any:
     """What a deprecated public name denotes, with a DeprecationWarning that states its successor; None: not one."""
-    if path not in OLD_NAMES:
+    if path not in old_names():
         module, _, name = path.rpartition(".")
         if required:
             raise AttributeError(f"module {module!r} has no attribute {name!r}")
         return None
-    place, new = OLD_NAMES[path]
+    place, new = old_names()[path]
     module, _, name = place.partition(":")
     warnings.warn(f"{path} is deprecated; it is now {new}", DeprecationWarning, stacklevel=3)
     return functools.reduce(getattr, name.split("."), importlib.import_module(f"flexlink.{module}"))

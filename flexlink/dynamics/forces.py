@@ -134,9 +134,8 @@ def about(chain: Chain, q: Array) -> Chain:
     if not chain.has_rotation_springs:
         return straight
     blocks, triples, values = excess_stiffness(chain.bodies, chain.hinges, chain.couplings, q)
-    rows, columns = (triples[blocks[:, side]] for side in (0, 1))
-    i, j = np.broadcast_to(rows[:, :, None], values.shape), np.broadcast_to(columns[:, None, :], values.shape)
-    return _stiffened(straight, i, j, values)
+    rows, columns = triples[blocks[:, 0], :, None], triples[blocks[:, 1], None, :]
+    return _stiffened(straight, rows + 0 * columns, columns + 0 * rows, values)
 
 
 def linearised(chain: Chain, q: Array) -> Chain:
@@ -154,11 +153,11 @@ def linearised(chain: Chain, q: Array) -> Chain:
 
 def _stiffened(chain: Chain, i: NDArray[np.intp], j: NDArray[np.intp], values: Array) -> Chain:
     """Return the chain without force elements, with `values` added to K_ij; pairs with i > j are ignored."""
-    bodies, hinges = chain.bodies.copy(), chain.hinges.copy()
+    bodies, hinges, diagonal, above = chain.bodies.copy(), chain.hinges.copy(), i == j, i < j
     bodies["springs"] = 0
-    hinges["stiffness"][i[i == j]] += values[i == j]
-    couplings = np.zeros(int((i < j).sum()), COUPLING)
-    couplings["inner"], couplings["outer"], couplings["stiffness"] = i[i < j], j[i < j], values[i < j]
+    hinges["stiffness"][i[diagonal]] += values[diagonal]
+    couplings = np.zeros(np.count_nonzero(above), COUPLING)
+    couplings["inner"], couplings["outer"], couplings["stiffness"] = i[above], j[above], values[above]
     joined = merged(np.concatenate([chain.couplings, couplings]))
     return Chain(chain.name, bodies, hinges, chain.gravity, chain.coordinates, chain.link_names, joined)
 

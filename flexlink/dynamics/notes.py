@@ -31,7 +31,7 @@ def notes(scene: Scene) -> tuple[Diagnostic, ...]:
     require_type("scene", scene, Scene)
     at_rest = () if scene.ties else (slack_springs, unheld_joints, weak_gains, weak_drives, balance)  # ties hold joints
     start, scene = (_parallel_gravity, _odd_reference, *at_rest), open_chain(scene)
-    unusual = _tip_without_length, _falling_base, _few_hinges, _on_edge
+    unusual = _tip_without_length, _falling_base, _few_hinges, _on_edge, _wide_strips
     with np.errstate(all="ignore"):  # values beyond float64 are refused when a run is built from them
         return *(note for each in (*start, _unused, *unusual) for note in each(scene)), *of_odd_bodies(scene.arm)
 
@@ -90,6 +90,29 @@ def _on_edge(scene: Scene) -> Iterator[Diagnostic]:
             size = f"EI = {EI[1]:.4g} N m², {EI[1] / EI[0]:.3g} × the other"
             text = f"{scene.arm.path(k)}.section = {link.section!r}: bends about z, its stiffer axis, {size}"
             yield Diagnostic(f"{text}; to bend about the other, exchange height and width", "bends-on-edge")
+
+
+def _wide_strips(scene: Scene) -> Iterator[Diagnostic]:
+    """State the stiffness that a beam leaves out where it is a plate: a link at least ten times as wide as thick.
+
+    A clamp holds its section flat: bending frequencies of a cantilever rise by 0.8 ν² b / L, as long as b / L is small.
+    Bent to a curvature κ with b² κ beyond its thickness it stays flat everywhere, EI / (1 − ν²) (Ashwell, 1950).
+    """
+    for k, link in enumerate(scene.arm.links, 1):
+        section = scene.arm.sections.get(link.section or "")
+        if section is None or section.shape != "rectangle" or not link.material:
+            continue
+        h, b = sorted((section.height or 0.0, section.width or 0.0))
+        ν, soft = scene.arm.materials[link.material].poisson, "z" if section.height == h else "y"
+        path = f"material.{link.material}.young"
+        if b >= 10 * h and ν > 0 and soft in link.flex and path not in scene.uncertain:
+            flat = 1 / math.sqrt(1 - ν**2) - 1
+            clamped = 100 * min(0.8 * ν**2 * b / link.beam.length, flat)
+            text = (
+                f"{scene.arm.path(k)}.section = {link.section!r}: a plate, {b / h:.3g} times as wide as thick: a beam "
+            )
+            text += f"leaves out {clamped:.2g} % of frequency by its clamp, up to {100 * flat:.2g} % if bent far"
+            yield Diagnostic(f'{text}; set uncertain."{path}" = {flat:.2g}', "wide-strip")
 
 
 def _parallel_gravity(scene: Scene) -> Iterator[Diagnostic]:

@@ -31,18 +31,8 @@ from flexlink.motion.inputs.actuation import LINEAR, input_arrays, of_kind
 from flexlink.results.trajectory import Trajectory
 
 SUPPORTED = {
-    "name",
-    "about",
-    "arm",
-    "initial",
-    "gravity",
-    "air_density",
-    "drive",
-    "wrench",
-    "sensor",
-    "run",
-    "uncertain",
-}
+    "name", "about", "arm", "initial", "gravity", "air_density", "drive", "wrench", "sensor", "run", "uncertain",
+}  # fmt: skip
 """Fields of a scene that the gradient takes into account, or that do not act on the motion; all others are refused."""
 
 

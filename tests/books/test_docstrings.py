@@ -15,7 +15,7 @@ import matplotlib.pyplot as plt
 import pytest
 
 import flexlink as fl
-from flexlink.common.versions import OLD_NAMES
+from flexlink.common.versions import old_names
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.dynamics import rounding
 from flexlink.dynamics.vibration import stability
@@ -186,9 +186,9 @@ def test_every_public_name_exists_and_engines_are_loaded_on_demand() -> None:
         fl.FitRun  # noqa: B018
 
 
-@pytest.mark.parametrize("path", OLD_NAMES)
+@pytest.mark.parametrize("path", old_names())
 def test_a_deprecated_name_works_and_states_its_successor(path: str) -> None:
     module, _, name = path.rpartition(".")
-    with pytest.warns(DeprecationWarning, match=re.escape(f"{path} is deprecated; it is now {OLD_NAMES[path][1]}")):
+    with pytest.warns(DeprecationWarning, match=re.escape(f"{path} is deprecated; it is now {old_names()[path][1]}")):
         assert callable(getattr(importlib.import_module(module), name))
     assert path.removeprefix("flexlink.") not in PUBLIC

@@ -243,15 +243,17 @@ class Found(NamedTuple):
 
 @kind(long=True)
 def promises(
-    case: Case, families: tuple[Family, ...], scenes: int, tolerances: tuple[Positive, ...]
+    case: Case, families: tuple[Family, ...], scenes: int, tolerances: tuple[Positive, ...], first: int = 0
 ) -> Iterator[Measured | Series]:
     """What a tolerance promises: error of the tip and stated error of random arms that move, by family.
 
     The reference is a run on which two methods agree: Radau9, whose steps follow the vibrations, and explicit DOP853.
+    The scenes of a family are drawn with `scenes` consecutive seeds from `first` on.
 
     Yield shares of runs beyond their tolerance, with and without a warning, and of honest stated errors.
     """
-    found = [each for family in families for seed in range(scenes) for each in _runs(family, seed, tolerances)]
+    seeds = range(first, first + scenes)
+    found = [each for family in families for seed in seeds for each in _runs(family, seed, tolerances)]
     yield Measured("runs", len(found))
     for family in families:
         own = [each for each in found if each.family == family]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -328,9 +329,13 @@ def _held_out(
     (scene,) = case.load_scenes()
     known = {name: reading for name, reading in readings.items() if reading.group in (*wanted.groups, *wanted.beside)}
 
+    @functools.cache  # both halves begin with the same values
+    def with_number(path: str, value: float) -> dict[str, float]:
+        return simulated.predict(1, {path: value})
+
     def study(each: Candidate) -> tuple[float, Study]:
         def predict(value: float | None) -> dict[str, float]:
-            return simulated.grids[0] if value is None else simulated.predict(1, {each.path: value})
+            return simulated.grids[0] if value is None else with_number(each.path, value)
 
         return each.start or scene.values_at(each.path)[0], Study(every, simulated.effects(), predict)
 
