@@ -3,7 +3,6 @@
 import functools
 import importlib
 import platform
-import tomllib
 import warnings
 from collections.abc import Iterable
 from pathlib import Path
@@ -41,6 +40,8 @@ def system() -> str:
 @functools.cache
 def old_names() -> dict[str, tuple[str, str]]:
     """Deprecated public names in `old_names.toml`: where each is, and what replaces it."""
+    import tomllib  # noqa: PLC0415  takes longer than the rest of `import flexlink`
+
     found: dict[str, tuple[str, str]] = tomllib.loads(Path(__file__).with_name("old_names.toml").read_text("utf-8"))
     return found
 

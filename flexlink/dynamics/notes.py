@@ -107,11 +107,10 @@ def _wide_strips(scene: Scene) -> Iterator[Diagnostic]:
         path = f"material.{link.material}.young"
         if b >= 10 * h and ν > 0 and soft in link.flex and path not in scene.uncertain:
             flat = 1 / math.sqrt(1 - ν**2) - 1
-            clamped = 100 * min(0.8 * ν**2 * b / link.beam.length, flat)
-            text = (
-                f"{scene.arm.path(k)}.section = {link.section!r}: a plate, {b / h:.3g} times as wide as thick: a beam "
-            )
-            text += f"leaves out {clamped:.2g} % of frequency by its clamp, up to {100 * flat:.2g} % if bent far"
+            clamped = min(0.8 * ν**2 * b / link.beam.length, flat)
+            left_out = f"{100 * clamped:.2g} % of frequency by its clamp, up to {100 * flat:.2g} % if bent far"
+            text = f"a plate, {b / h:.3g} times as wide as thick: a beam leaves out {left_out}"
+            text = f"{scene.arm.path(k)}.section = {link.section!r}: {text}"
             yield Diagnostic(f'{text}; set uncertain."{path}" = {flat:.2g}', "wide-strip")
 
 

@@ -6,12 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.polynomial import Legendre, Polynomial
+from numpy.polynomial.legendre import leggauss
+from scipy.linalg import eigh
 
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.common.wording import id_of
 from flexlink.dynamics.notes import defaults, notes
-from tests.conftest import MODELS, flexible, make_scene
+from tests.conftest import ALUMINIUM, MODELS, flexible, make_scene
 from tests.support.words import reviewed
 
 STILL = make_scene(fl.Link(name="a"), flexible("b"))
@@ -151,6 +154,54 @@ def test_the_note_on_the_width_of_friction_states_the_creep_of_a_run(joint: dict
     mended = scene.varied({"link.rod.joint.coulomb_width": narrow})
     assert not defaults(mended)
     assert fl.simulate(mended, step=1e-6, sample=1e-5, duration=0.002).qd[-1, 0] == pytest.approx(creep / 10, rel=0.01)
+
+
+def plate_frequencies(ratio: float, ν: float, along: int = 16, across: int = 7) -> np.ndarray:
+    """First two bending frequencies of a cantilever plate, divided by those of the beam: Ritz, Kirchhoff's plate.
+
+    The plate has length 1, width `ratio`, D = ρ h = 1; deflections are x² P_i(x) P_j(y) with Legendre polynomials.
+    """
+
+    def products(size: int, length: float, factor: list[float]) -> list[list[np.ndarray]]:
+        """Integrals of all products of the polynomials' derivatives of orders 0 to 2."""
+        x, weights = leggauss(40)
+        whole = [Legendre.basis(k, [0, length]).convert(kind=Polynomial) * Polynomial(factor) for k in range(size)]
+        rows = [np.array([each.deriv(order)((x + 1) * length / 2) for each in whole]) for order in range(3)]
+        return [[(one * weights * length / 2) @ other.T for other in rows] for one in rows]
+
+    x, y = products(along, 1.0, [0, 0, 1]), products(across, ratio, [1])
+    bent = np.kron(x[2][2], y[0][0]) + np.kron(x[0][0], y[2][2])
+    crossed = ν * (np.kron(x[2][0], y[0][2]) + np.kron(x[0][2], y[2][0])) + 2 * (1 - ν) * np.kron(x[1][1], y[1][1])
+    squares, shapes = eigh(bent + crossed, np.kron(x[0][0], y[0][0]))
+    symmetric = [np.abs(w[:, ::2]).max() > np.abs(w[:, 1::2]).max() for w in shapes.T.reshape(-1, along, across)]
+    return np.sqrt(squares[symmetric][:2] / (1 - ν**2)) / np.square([1.875104, 4.694091])
+
+
+@pytest.mark.parametrize("ν", [0.2, 0.3, 0.4])
+@pytest.mark.parametrize("ratio", [0.1, 0.2])
+def test_a_wide_strip_is_noted_with_the_frequency_that_a_plate_has_more(ratio: float, ν: float) -> None:
+    strip = {"section.square": fl.Section(shape="rectangle", height=0.004, width=ratio)}
+    scene = make_scene(flexible("b", length=1.0)).varied(strip | {"material.aluminium.poisson": ν})
+    (note,) = (each for each in notes(scene) if each.id == "wide-strip")
+    clamped, most = (float(number) for number in re.findall(r"([\d.]+) %", note))
+    assert 100 * (plate_frequencies(ratio, ν) - 1) == pytest.approx(clamped, rel=0.25)
+    plane_strain = fl.lump(scene.varied({"material.aluminium.young": ALUMINIUM.young / (1 - ν**2)}))
+    stiff, soft = (fl.modes(chain, locked=["b"]).hertz[0] for chain in (plane_strain, fl.lump(scene)))
+    assert stiff / soft - 1 == pytest.approx(most / 100, rel=0.025)  # two digits are printed
+    known = scene.varied({"uncertain": {"material.aluminium.young": most / 100}})
+    assert "wide-strip" not in {each.id for each in notes(known)}
+
+
+def test_the_note_of_a_wide_strip_is_reviewed_and_absent_where_it_bends_on_edge_or_is_narrow() -> None:
+    def found(height: float, width: float, **fields: object) -> list[str]:
+        strip = {"section.square": fl.Section(shape="rectangle", height=height, width=width)}
+        return [each for each in notes(make_scene(flexible("b", **fields)).varied(strip)) if each.id == "wide-strip"]
+
+    (note,) = found(0.003, 0.04)
+    reviewed("wide-strip", note)
+    assert found(0.04, 0.003, flex="yz")
+    assert not found(0.04, 0.003)
+    assert not found(0.0041, 0.04)
 
 
 def test_a_strip_on_edge_is_noted_and_softer_by_the_stated_factor_if_height_and_width_are_exchanged() -> None:
