@@ -7,9 +7,11 @@ are too large for a repository.
 from __future__ import annotations
 
 import gzip
+import math
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 from PIL import Image, ImageColor
@@ -40,7 +42,7 @@ from reports.stored_full import (
     since,
 )
 from reports.tables import limit, meanings, rows_csv
-from validation.judgement import crowd, quiet
+from validation.judgement import JudgedRow, crowd, quiet
 
 HERE = Path(__file__).parent
 MOST = 10_000_000  # bytes: limit for generated files in the repository
@@ -74,6 +76,8 @@ def save(results: Path, out: Path, folder: Path = FOLDER) -> Path:
     write_text(folder / "all_checks.csv", rows_csv(study.rows, without=WORDS))
     write_text(folder / "quantities.csv", table_csv(("case", *WORDS[2:], "quantities"), _meanings(study)))
     write_text(folder / "machine.csv", table_csv(("what", "value"), _machine(study)))
+    if scenes := scene_names(study):
+        write_text(folder / "scenes.csv", scenes.csv)
     for file in list(folder.iterdir()):
         _shrink(file)
     write_text(folder / SOURCES, table_csv(("file", "digest"), study.environment.sources.items()))
@@ -176,10 +180,10 @@ def _readme(study: Results, report: StudyReport, folder: Path) -> str:
         paper=contents().paper,
         compared=verdict.compared(study),
         facts=verdict.numbers_that_matter(study, contents().number),
-        scenes=scene_names(study),
+        scenes=(folder / "scenes.csv").exists(),
         given_up=given_up(study),
         failed=[row for row in study.rows if row.state == "FAIL"],
-        slow=[row for row in study.rows if row.state == "missed"],
+        slow=_by_reason([row for row in study.rows if row.state == "missed"]),
         amount=amount,
         limit=limit,
         why_missed=why_missed,
@@ -187,6 +191,27 @@ def _readme(study: Results, report: StudyReport, folder: Path) -> str:
         finished=len(study.finished),
         report=report,
     )
+
+
+class Missed(NamedTuple):
+    """Limits that are missed for one reason, and the one that is farthest from its limit."""
+
+    why: str
+    rows: list[JudgedRow]
+    worst: JudgedRow
+
+
+def _by_reason(rows: Sequence[JudgedRow]) -> list[Missed]:
+    found: dict[str, list[JudgedRow]] = {}
+    for row in rows:
+        found.setdefault(why_missed(row), []).append(row)
+    return [Missed(why, several, max(several, key=_excess)) for why, several in found.items()]
+
+
+def _excess(row: JudgedRow) -> float:
+    """How many times a value is beyond its limit."""
+    value, most = row.value or math.inf, row.tolerance or math.inf
+    return most / value if row.bound == "at least" else value / most
 
 
 def _demand_small(folder: Path) -> None:
