@@ -19,7 +19,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.machines", description=__doc__)
     parser.add_argument("name", nargs="*", help="a machine (default: all)")
     parser.add_argument("--list", action="store_true", help="only list them")
-    parser.add_argument("--quick", action="store_true", help="few machines, fast tests, two parameter sets per test")
+    parser.add_argument("--quick", action="store_true", help="few machines, fast tests, one parameter set per test")
     parser.add_argument("--files", nargs="+", default=[], help="run only these tests")
     parser.add_argument("--python", action="append", default=[], metavar="python3.13=PATH", help="path of a Python")
     choice = parser.parse_args(own)

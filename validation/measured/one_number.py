@@ -127,15 +127,19 @@ def fit_one_number(
     errors = _errors(start, readings, study)
     u, D = (_array({name: getattr(readings[name], of) for name in fitted}, fitted) for of in ("u", "value"))
     limits = math.log(candidate.low), math.log(candidate.high)
-    best = least_squares(
-        lambda x: _array(errors(x[0]), fitted) / u,
-        [0.0],
-        bounds=limits,
-        diff_step=STEP,
-        x_scale=0.1,
-        xtol=CLOSE,
-        ftol=CLOSE**2,
-    )
+    known: dict[float, Array] = {}
+
+    def residuals(x: Array) -> Array:
+        return known.setdefault(float(x[0]), _array(errors(float(x[0])), fitted) / u)
+
+    def secant(x: Array) -> Array:
+        """Slope through the nearest point that is already computed; at the start through one at the distance STEP."""
+        if len(known) == 1:
+            residuals(x + STEP)
+        here, beside = sorted(known, key=lambda other: abs(other - x[0]))[:2]
+        return (known[beside] - known[here])[:, None] / (beside - here)
+
+    best = least_squares(residuals, [0.0], secant, limits, x_scale=0.1, xtol=CLOSE, ftol=CLOSE**2)
     x, span = float(best.x[0]), limits[1] - limits[0]
     slopes, J = _slopes(errors, x, fitted)
     vanished = float((J / u) @ (J / u)) * span**2 < 1.0

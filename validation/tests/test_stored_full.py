@@ -256,7 +256,9 @@ def test_files_of_an_earlier_study_are_deleted_and_other_files_stay(tmp_path: Pa
     for name in ("gone.csv", "gone.png", "NOTES.md"):
         (tmp_path / "full" / name).write_text("", encoding="utf-8")
     folder = save(stored(tmp_path / "results", row()))
-    tables = {f"{name}.csv" for name in ("all_checks", "quantities", "verdict", "speed", "scenes", "machine", "sources")}
+    tables = {
+        f"{name}.csv" for name in ("all_checks", "quantities", "verdict", "speed", "scenes", "machine", "sources")
+    }
     assert {file.name for file in folder.iterdir()} == {"NOTES.md", "README.md", "chapters.json", *tables}
     assert (tmp_path / "latest" / "index.html").is_file()
 
