@@ -53,7 +53,7 @@ sphinx_gallery_conf = {
     "download_all_examples": False,
     "show_memory": False,
     "show_signature": False,
-    "within_subsection_order": "FileNameSortKey",
+    "within_subsection_order": "docs.generators.gallery_pictures.ByTheme",
     "write_computation_times": False,
     "copyfile_regex": r".*\.(urdf|xml|toml|csv)",
     "notebook_images": False,

@@ -3,11 +3,26 @@
 from __future__ import annotations
 
 import importlib
+import re
 import shutil
 from pathlib import Path
 from typing import Any
 
 from flexlink.results.plotting import NotebookFigure
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+class ByTheme:
+    """Order of the thumbnails: that of the links in the gallery's header."""
+
+    def __init__(self, _folder: str) -> None:
+        header = (EXAMPLES / "GALLERY_HEADER.rst").read_text(encoding="utf-8")
+        self.names = re.findall(r"sphx_glr_gallery_(\w+\.py)", header)
+
+    def __call__(self, name: str) -> int:
+        """Place of an example; those without a link are last."""
+        return self.names.index(name) if name in self.names else len(self.names)
 
 
 def pictures(_block: object, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:

@@ -1,6 +1,6 @@
 """`flexlink simulate`: Simulate a scene; write samples (.npz, .csv, .nc, .mat) and plots.
 
-flexlink simulate models/paper_fig5.toml --plot fall.png --out fall.csv
+flexlink simulate models/paper_fig5.toml --plot fall.png --panels tip energy --out fall.csv
 flexlink simulate models/paper_fig5.toml --method RK10 --step 2e-4 --duration 1
 flexlink simulate models/t3_spatial.toml --tolerance 1e-4
 flexlink simulate models/paper_fig5.toml --set 'link.*.segments=9' --set material.aluminium.young=35e9
@@ -39,7 +39,7 @@ def run_command(options: argparse.Namespace) -> int:
     """Run a scene with a progress bar, write its outputs, and print a summary."""
     settings = {f"run.{name}": getattr(options, name, None) for name in RunSettings.__struct_fields__}
     changes = {path: value for path, value in settings.items() if value is not None}
-    if options.plot is not None:
+    if options.plot is not None and options.panels:
         changes["run.outputs"] = ("torques",)
     scene = shared.varied_scene(options.scene, options, changes)
     if options.out is not None:
@@ -91,7 +91,7 @@ def _deliver(run: Trajectory, options: argparse.Namespace) -> None:
         write_or_keep(options.out, run.writer(options.out))
         shared.print_path("samples", options.out)
     if options.plot is not None:
-        shared.save_plot(run.plot(), options.plot)
+        shared.save_plot(run.plot(what=options.panels), options.plot)
 
 
 def _kept_in(options: argparse.Namespace) -> str:

@@ -42,8 +42,7 @@ def old_names() -> dict[str, tuple[str, str]]:
     """Deprecated public names in `old_names.toml`: where each is, and what replaces it."""
     import tomllib  # noqa: PLC0415  takes longer than the rest of `import flexlink`
 
-    found: dict[str, tuple[str, str]] = tomllib.loads(Path(__file__).with_name("old_names.toml").read_text("utf-8"))
-    return found
+    return tomllib.loads(Path(__file__).with_name("old_names.toml").read_text("utf-8"))
 
 
 def old_name(path: str, *, required: bool = False) -> Any:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import itertools
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, TypeVar, cast
@@ -88,15 +87,16 @@ def _over_time(shown: Sequence[Draw], axes: Sequence[Axes], _: Trajectory) -> No
 
 
 def _chosen(run: Trajectory, what: str | Sequence[str] | None) -> list[Draw]:
-    """The panels with these names, and panels of the named columns; None: all panels."""
+    """The panels with these names, and panels of the named columns; None: joints and tip."""
     there: dict[str, list[Draw]] = {}
     for name, draw in panels(run):
         there.setdefault(name, []).append(draw)
-    names = list(there) if what is None else [what] if isinstance(what, str) else sequence("what", what, "str")
+    there["all"] = [draw for several in there.values() for draw in several]
+    usual = [name for name in ("joints", "tip") if name in there]
+    names = usual if what is None else [what] if isinstance(what, str) else sequence("what", what, "str")
     columns = run.columns
     own = {n: [partial(_lines, run=run, names=[n], values=columns[n][:, None])] for n in names if n in columns}
-    drawn = (own.get(n) or require_one_of("what", n, there) for n in names)
-    return list(itertools.chain.from_iterable(drawn))
+    return [draw for n in names for draw in own.get(n) or require_one_of("what", n, there)]
 
 
 COORDINATES = {

@@ -319,15 +319,15 @@ class Trajectory(RunSamples):
         return html_table(f"{self!r}{doubts}", ("quantity", "first", "last", "smallest", "largest"), rows)
 
     def plot(self, *, what: str | Sequence[str] | None = None, ax: Axes | Sequence[Axes] | None = None) -> Figure:
-        """Plot joint angles, tip and energy against time; a notebook shows the figure once. Needs matplotlib.
+        """Plot joint angles and tip, or other panels, against time; a notebook shows the figure once. Needs matplotlib.
 
         Parameters
         ----------
         what
             Panels: "joints", "springs", "base", "tip", "energy", "elastic", "balance", "drives", or names of `columns`,
-            each a panel. Default: all panels that have content. "postures" shows the arm at twelve times with the path
-            of its tip; "loads", three panels, the internal loads along the arm when a moment is largest, and their
-            limits during the run.
+            each a panel; "all" those that have content. Default: joints and tip. "postures" shows the arm at twelve
+            times with the path of its tip; "loads", three panels, the internal loads along the arm when a moment is
+            largest, and their limits during the run.
         ax
             Axes of matplotlib to draw in, one for each panel. Default: a new figure.
 

@@ -27,7 +27,7 @@ def test_figures_have_the_colours_of_pages() -> None:
 
 @pytest.mark.slow
 def test_no_legend_covers_a_curve(run: fl.Trajectory) -> None:
-    figure = plotting.plot_trajectory(run)
+    figure = plotting.plot_trajectory(run, "all")
     FigureCanvasAgg(figure).draw()
     assert len(figure.axes) == 6
     for panel in figure.axes:
@@ -38,7 +38,7 @@ def test_no_legend_covers_a_curve(run: fl.Trajectory) -> None:
 
 def test_every_energy_spans_a_fifth_of_its_panel(run: fl.Trajectory) -> None:
     """The constant total energy is excluded. With an arbitrary zero of gravity energy, all curves would look flat."""
-    figure = plotting.plot_trajectory(run)
+    figure = plotting.plot_trajectory(run, "all")
     for panel in figure.axes[-3:]:
         low, high = panel.get_ylim()
         for line in panel.lines:
@@ -69,7 +69,7 @@ def test_chosen_panels_and_columns_are_drawn_in_this_order_into_the_axes_that_ar
     assert run.plot(what=what, ax=beside) is figure
     assert [len(panel.lines) for panel in beside] == [3, 1, len(run.chain.active)]
     np.testing.assert_array_equal(beside[1].lines[0].get_ydata(), run.columns["q fore [rad]"])
-    assert [len(run.plot(what=names).axes) for names in ("tip", what)] == [1, 3]
+    assert [len(run.plot(what=names).axes) for names in ("tip", what, None, "all")] == [1, 3, 2, 6]
     assert run.plot(what="tip", ax=beside[2]) is figure
     for wrong, id in (({"what": "tips"}, "unknown-name"), ({"ax": beside}, "wrong-shape")):
         with refused(fl.errors.ArgumentError, id):
@@ -97,7 +97,7 @@ def test_panels_without_content_are_left_out() -> None:
     rigid = make_scene(fl.Link(name="a", length=1.0), tip=fl.RigidBody(mass=1.0))
     locked = make_scene(flexible("beam", joint=fl.Joint(locked=True)), gravity=(0.0, 9.81, 0.0))
     labels = [
-        [panel.get_ylabel() for panel in plotting.plot_trajectory(fl.simulate(scene, duration=0.01)).axes]
+        [panel.get_ylabel() for panel in plotting.plot_trajectory(fl.simulate(scene, duration=0.01), "all").axes]
         for scene in (rigid, locked)
     ]
     assert [len(found) for found in labels] == [4, 5]
@@ -108,7 +108,7 @@ def test_panels_without_content_are_left_out() -> None:
 def test_drive_torques_and_forces_have_separate_panels_with_joint_names() -> None:
     links = (flexible("trolley", joint=fl.Joint(kind="prismatic")), flexible("boom"))
     scene = make_scene(*links, drive=fl.Drive(kind="constant", torque=(3.0, 2.0)), initial=fl.InitialState())
-    *_, torques, forces = plotting.plot_trajectory(fl.simulate(scene, duration=0.01)).axes
+    *_, torques, forces = plotting.plot_trajectory(fl.simulate(scene, duration=0.01), "all").axes
     for panel, label, value, name in (
         (torques, "drive torques\n[N m]", 2.0, "boom"), (forces, "drive forces\n[N]", 3.0, "trolley"),
     ):  # fmt: skip

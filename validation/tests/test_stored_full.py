@@ -300,7 +300,7 @@ def test_the_readme_gives_the_reason_of_missed_limits_once_with_the_worst(tmp_pa
     text = (save(stored(tmp_path / "results", *missed, conditions=QUIET)) / "README.md").read_text(encoding="utf-8")
     section = text.partition("## Missed time limits")[2].partition("\n## ")[0]
     _, found = (each for each in section.splitlines() if each.startswith("| "))
-    assert "| 2 | calls, public call: 3 µs, ≤ 1 µs |" in found.replace("\N{NO-BREAK SPACE}", " ")
+    reviewed("full study: readme", found)
 
 
 def test_without_results_an_older_study_is_kept(tmp_path: Path):
