@@ -59,7 +59,7 @@ def speed() -> str:
     arms = plural(max(map(len, found.values())), "arm")
     lines = [
         f"- {PEERS[peer]}: median {statistics.median(of.values()):.3g}, lowest {min(of.values()):.2g} "
-        f"(“{min(of, key=lambda arm: of[arm])}”)"
+        f"(in the arm “{min(of, key=lambda arm: of[arm])}”)"
         for peer, of in found.items()
     ]
     task = f"simulations of {arms} to a tip error of 10⁻⁴ of the motion, already prepared; CPU time over flexlink's"

@@ -78,7 +78,7 @@ class Scene(Spec, frozen=True):
     uncertain: dict[str, NonNegative] = msgspec.field(default_factory=dict)
     """Standard uncertainties of inputs, by path: "material.steel.young" = 0.02. Each is relative to its value, or in
     its unit if the value is 0. That of the `root_stiffness` of a link without one is of EI / (k L): 0.02 by default, 0
-    for a rigid clamp. With --uncertain, `flexlink modes` and `simulate` give intervals."""
+    for a rigid clamp. With --uncertain, `flexlink modes`, `simulate` and `report` give intervals."""
 
     def __hash__(self) -> int:
         return hash((self.name, self.arm, self.initial, self.gravity, self.drive, self.wrench, self.run))

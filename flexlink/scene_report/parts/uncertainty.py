@@ -37,7 +37,7 @@ def made(study: Study) -> Part | None:
         return Part(tuple(sentences))
     sentences.append(
         "Each interval contains the truth in 95 of 100 cases if nothing but these inputs is wrong; inputs are ranked "
-        "by their shares in the variance. Clamps without springs count as uncertain (root_stiffness)."
+        "by their shares in the variance. A beam without root_stiffness counts as softly clamped."
     )
     heads = ("prediction", "this scene", "median", "low", "high", "± [%]", "due to")
     table = Table("intervals", "95 % intervals", heads, tuple(lines))
