@@ -15,9 +15,10 @@ from tests.formats.test_fmu import Opened
 END, SAMPLE, STEPS = 3.0, 0.02, (5e-3, 2.5e-3, 1.25e-3)
 VARIABLES = {"q": "input", "qd": "input", "torque": "output", "bore": "output", "rod": "output"}
 LISTED = '<ScalarVariable name="{}" valueReference="{}" causality="{}"><Real{}/></ScalarVariable>'
-DESCRIPTION = """<fmiModelDescription fmiVersion="2.0" modelName="cylinder" guid="cylinder"><CoSimulation
-modelIdentifier="cylinder" canHandleVariableCommunicationStepSize="true"/><ModelVariables>{}</ModelVariables>
-<ModelStructure><Outputs><Unknown index="3"/><Unknown index="4"/><Unknown index="5"/></Outputs></ModelStructure>
+FOUND = '<Unknown index="3"/><Unknown index="4"/><Unknown index="5"/>'
+DESCRIPTION = f"""<fmiModelDescription fmiVersion="2.0" modelName="cylinder" guid="cylinder"><CoSimulation
+modelIdentifier="cylinder" canHandleVariableCommunicationStepSize="true"/><ModelVariables>{{}}</ModelVariables>
+<ModelStructure><Outputs>{FOUND}</Outputs><InitialUnknowns>{FOUND}</InitialUnknowns></ModelStructure>
 </fmiModelDescription>"""
 
 

@@ -1,7 +1,7 @@
 """FMUs of five models in a second importer, `fmusim`, against FMPy and flexlink's solver.
 
-`fmusim` is the runner of Modelica's Reference FMUs, in C, with its own checks of modelDescription.xml and its own
-CVODE. It is in their sources up to 2025, in the folder fmusim, and has to be compiled.
+The runner of Modelica's Reference FMUs, in C, up to version 0.0.39, checks modelDescription.xml and has its own CVODE.
+Its options to store states crash with every FMU: it frees a state by its value instead of a pointer to it.
 """
 
 import shutil
