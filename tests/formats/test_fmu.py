@@ -44,7 +44,7 @@ class Opened:
 
     def __init__(self, scene: fl.Scene, folder: Path, fmi: int = 3) -> None:
         self.fmpy, self.fmi, self.path = pytest.importorskip("fmpy"), fmi, folder / "arm.fmu"
-        self.chain = fl.lump(scene)
+        self.chain = fl.Problem(scene).chain  # open, if the scene has ties
         self.path.write_bytes(fl.to_fmu(self.chain, fl.initial_state(scene, self.chain), fmi=fmi))
         self.description = self.fmpy.read_model_description(self.path)
         self.numbers = {each.name: each.valueReference for each in self.description.modelVariables}

@@ -117,7 +117,7 @@ API int fmiNGetFMUState(Instance *of, void **kept)
     return *kept ? copy(*kept, &of->now, sizeof(State), sizeof(State)) : ERROR;
 }
 API int fmiNSetFMUState(Instance *of, const State *kept) { of->now = *kept; return OK; }
-API int fmiNFreeFMUState(Instance *of, void **kept) { free(*kept); *kept = NULL; return OK; }
+API int fmiNFreeFMUState(Instance *of, void **kept) { if (kept) free(*kept), *kept = NULL; return OK; }
 API int fmiNSerializedFMUStateSize(Instance *of, void *kept, size_t *n) { *n = sizeof(State); return OK; }
 API int fmiNSerializeFMUState(Instance *of, void *kept, void *bytes, size_t n)
 { return copy(bytes, kept, n, sizeof(State)); }
