@@ -39,7 +39,7 @@ def run_command(options: argparse.Namespace) -> int:
     """Run a scene with a progress bar, write its outputs, and print a summary."""
     settings = {f"run.{name}": getattr(options, name, None) for name in RunSettings.__struct_fields__}
     changes = {path: value for path, value in settings.items() if value is not None}
-    if options.plot is not None and options.panels:
+    if options.plot is not None:
         changes["run.outputs"] = ("torques",)
     scene = shared.varied_scene(options.scene, options, changes)
     if options.out is not None:

@@ -59,7 +59,7 @@ def test_quick_runs_few_fast_tests_and_removes_only_the_asserts_of_flexlink(tmp_
     file.write_text(
         "import subprocess, sys, pytest, flexlink\n"
         "@pytest.mark.parametrize('k', range(5))\n"
-        "def test_ends(k): assert k in (0, 4)\n"
+        "def test_last(k): assert k == 4\n"
         "@pytest.mark.slow\n"
         "def test_slow(): assert False\n"
         "def test_docstrings(): assert flexlink.simulate.__doc__ is None and pytest.__doc__\n"
@@ -68,7 +68,7 @@ def test_quick_runs_few_fast_tests_and_removes_only_the_asserts_of_flexlink(tmp_
     )
     optimised = Machine("-", "-", plugin="tests.machines.optimised", files=(str(file),))
     outcome = run_as(optimised, optimised.files, ("-c", str(ROOT / "pyproject.toml")), quick=True)
-    assert outcome.counts == "4 passed", outcome.failed
+    assert outcome.counts == "3 passed", outcome.failed
 
 
 @pytest.mark.slow
