@@ -36,6 +36,15 @@ def vector(
     return value
 
 
+def state(name: str, value: tuple[ArrayLike, ArrayLike], n: int) -> tuple[Array, Array]:
+    """Return q and q̇, shape (n,) each, or refuse them; errors as in `vector`."""
+    both = sequence(name, value, "vector, q and qd, as from fl.initial_state(scene, chain)")
+    if len(both) != 2:
+        text = f"{name} has {len(both)} items: expected q and qd, as from fl.initial_state(scene, chain)"
+        raise ArgumentError(text, id="wrong-shape")
+    return vector(f"{name}[0]", both[0], n), vector(f"{name}[1]", both[1], n)
+
+
 def real_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
     """Return a writable, contiguous float64 copy, because kernels would be compiled again for read-only arrays."""
     return np.atleast_1d(numbers(name, value, f"real numbers, shape {shape}"))
@@ -65,7 +74,7 @@ def require_type(name: str, value: object, kind: type[T]) -> T:
         conversions = {
             ("Scene", "Chain"): "fl.lump(scene)", ("Trajectory", "Chain"): "run.chain",
             ("ndarray", "Chain"): "the chain as first argument", ("Arm", "Scene"): "fl.Scene(arm=arm, …)",
-            ("Chain", "Scene"): "the scene of the chain", ("str", "Scene"): "fl.load_scene(path)",
+            ("Chain", "Scene"): "the scene of the chain", ("tuple", "Scene"): "the scene itself", ("str", "Scene"): "fl.load_scene(path)",
             ("PosixPath", "Scene"): "fl.load_scene(path)", ("str", "FitProblem"): "fl.fits.FitProblem.load(path)",
             ("PosixPath", "FitProblem"): "fl.fits.FitProblem.load(path)",
             ("Scene", "FitProblem"): "fl.fits.FitProblem(scene=scene, …)",

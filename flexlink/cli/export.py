@@ -45,7 +45,7 @@ def run_command(options: argparse.Namespace) -> int:
             chain, state = _chain_and_state(path, scene, options, notes)
             if options.fmu and state:
                 texts[options.fmu] = to_fmu(
-                    chain, state, fmi=options.fmi, sample=scene.run.between, duration=scene.run.duration,
+                    chain, state, fmi=options.fmi, sample=scene.run.between, duration=scene.run.duration or 1.0,
                     binary=not options.no_binary,
                 )  # fmt: skip
             texts |= {target: write(chain) for target, write in code.items()}

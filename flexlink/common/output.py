@@ -25,8 +25,11 @@ def write_whole(path: Path, write: Callable[[Path], object]) -> None:
 
 
 @contextlib.contextmanager
-def _temporary(path: Path) -> Iterator[tuple[Path, Path]]:
-    """Yield a temporary file, and the file that it will replace (`path` without links); errors as in `write_whole`."""
+def _temporary(path: Path, named: Path | None = None) -> Iterator[tuple[Path, Path]]:
+    """Yield a temporary file, and the file that it will replace (`path` without links); errors as in `write_whole`.
+
+    Errors name `path`, or what is `named` instead.
+    """
     target = Path(os.path.realpath(path))
     temporary = target.with_name(f".{target.stem}-{secrets.token_hex(4)}{target.suffix}")
     try:
@@ -41,7 +44,7 @@ def _temporary(path: Path) -> Iterator[tuple[Path, Path]]:
             finally:
                 temporary.unlink(missing_ok=True)
     except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error.strerror or error}", id="cannot-write") from None
+        raise OutputError(f"{named or path}: cannot be written: {error.strerror or error}", id="cannot-write") from None
 
 
 def check_writable(path: Path) -> None:
@@ -56,7 +59,8 @@ def make_folder(path: Path) -> None:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{path}: the folder cannot be made: {error.strerror or error}", id="cannot-write") from None
-    check_writable(path / "index.html")
+    with _temporary(path / "index.html", named=path):
+        pass
 
 
 def begin_page(folder: Path) -> None:

@@ -25,7 +25,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import positive, require_bool, require_type, sequence, vector
+from flexlink.chain.arguments import positive, require_bool, require_type, state
 from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import Coordinate, unique
 from flexlink.chain.forces import refuse_states
@@ -97,6 +97,8 @@ def to_mjcf(
     """
     most_bodies = 490  # MuJoCo's XML parser stops at 500 nested elements
     refuse_states(require_type("chain", chain, Chain), "no file represents it")
+    if ties is not None:
+        require_type("ties", ties, Scene)
     depth = [0]
     for parent in chain.bodies["parent"].tolist():
         depth.append(1 + depth[parent])
@@ -237,10 +239,7 @@ def _tip(parent: ET.Element, own: ET.Element, tip: Tip, *, of_arm: bool) -> None
 
 
 def _keyframe(parent: ET.Element, chain: Chain, initial: tuple[ArrayLike, ArrayLike]) -> None:
-    state = sequence("initial", initial, "vector")
-    if len(state) != 2:
-        raise ArgumentError(f"initial has {len(state)} items: expected q and qd", id="wrong-shape")
-    q, qd = (vector(f"initial[{k}]", value, chain.n) for k, value in enumerate(state))
+    q, qd = state("initial", initial, chain.n)
     order, own = depth_first(chain), document.base_joints(chain)
     q, qd, place, rates = q[order], qd[order], q[:own], qd[:own]
     if own:  # position and quaternion; velocity in axes of frame 0 and spin in axes of the base

@@ -3,8 +3,11 @@
 import math
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 from flexlink.common.errors import Diagnostic
 from flexlink.common.memo import keep_last
+from flexlink.describe.arm import Arm
 from flexlink.describe.material import BREADTHS
 from flexlink.describe.plausibility import loads
 from flexlink.describe.plausibility.sizes import hint_if_outside, largest_dimension, of_materials, of_sections, shown
@@ -27,7 +30,7 @@ def hints(scene: Scene) -> tuple[Diagnostic, ...]:
 
 def _hints(scene: Scene) -> Iterator[Diagnostic]:
     arm, about, g = scene.arm, loads.situation_of(scene), math.hypot(*scene.gravity)
-    causes = [*of_materials(arm), *of_sections(arm)]
+    causes = [*of_materials(arm), *of_sections(arm), *of_rest_shapes(arm), *of_ties(scene)]
     causes += hint_if_outside("gravity", scene.gravity, "gravity_of_one" if g == 1.0 else "gravity", g)
     causes += [*loads.of_places(scene, about), *loads.of_masses(scene, about)]
     yield from causes
@@ -37,6 +40,33 @@ def _hints(scene: Scene) -> Iterator[Diagnostic]:
     yield from of_sensors(scene)
     if not causes:  # these hints depend on the numbers checked above
         yield from list(loads.of_loads(scene, about)) or loads.of_joints(scene, about)
+
+
+TIES = {
+    "length": "distance", "lengths": "distance", "stroke": "distance", "bore": "piston", "rod": "piston",
+    "bulk_modulus": "bulk_modulus", "dead_volume": "dead_volume", "pressures": "pressure",
+}  # fmt: skip
+"""Quantities of keys of ties."""
+
+
+def of_ties(scene: Scene) -> Iterator[Diagnostic]:
+    """Hints on lengths of ties, and on cylinders and their oil."""
+    for tie in scene.tie:
+        for key, name in TIES.items():
+            if largest := np.max(getattr(tie, key) or 0.0):
+                yield from hint_if_outside(f"tie.{tie.name}.{key}", getattr(tie, key), name, float(largest))
+
+
+def of_rest_shapes(arm: Arm) -> Iterator[Diagnostic]:
+    """Hints on links that are curved or twisted at rest through several turns, and on the cause if it is heat."""
+    for k, link in enumerate(arm.links, 1):
+        α = 0.0 if link.thermal is None else link.thermal.expansion
+        hot = list(hint_if_outside(f"{arm.path(k)}.thermal.expansion", α, "expansion", abs(α)))
+        yield from hot
+        if link.rest_shape is not None and not hot:
+            twist, *bent = (float(np.trapezoid(np.abs(part.values), part.x)) for part in link.rest_shape)
+            for key, mean in (("twist", twist), ("curvature", max(bent))):
+                yield from hint_if_outside(f"{arm.path(k)}.{key}", mean, key, mean * link.beam.length)
 
 
 def of_sensors(scene: Scene) -> Iterator[Diagnostic]:
