@@ -74,7 +74,7 @@ def require_type(name: str, value: object, kind: type[T]) -> T:
         conversions = {
             ("Scene", "Chain"): "fl.lump(scene)", ("Trajectory", "Chain"): "run.chain",
             ("ndarray", "Chain"): "the chain as first argument", ("Arm", "Scene"): "fl.Scene(arm=arm, …)",
-            ("Chain", "Scene"): "the scene of the chain", ("tuple", "Scene"): "the scene itself", ("str", "Scene"): "fl.load_scene(path)",
+            ("Chain", "Scene"): "the scene of the chain", ("str", "Scene"): "fl.load_scene(path)",
             ("PosixPath", "Scene"): "fl.load_scene(path)", ("str", "FitProblem"): "fl.fits.FitProblem.load(path)",
             ("PosixPath", "FitProblem"): "fl.fits.FitProblem.load(path)",
             ("Scene", "FitProblem"): "fl.fits.FitProblem(scene=scene, …)",

@@ -90,7 +90,7 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 def _run_command(options: argparse.Namespace) -> int:
     """Run the command; with `--json`, print one document: its own, and the lines that it would print beside it."""
-    _refuse_without_effect(options)
+    _check(options)
     if not options.json:
         return int(options.module.run_command(options))
     from flexlink.cli.shared import print_json  # noqa: PLC0415  loads NumPy, not needed for help
@@ -102,17 +102,20 @@ def _run_command(options: argparse.Namespace) -> int:
     return code
 
 
-def _refuse_without_effect(options: argparse.Namespace) -> None:
-    """Refuse options that are given without one that they need, or with one by which they have no effect."""
+def _check(options: argparse.Namespace) -> None:
+    """Refuse options without effect beside the others that are given, and outputs that cannot be written."""
+    from flexlink.cli import shared  # noqa: PLC0415  loads NumPy, not needed for help
+
     table = {name: about for name, about in _arguments_of(options.command).items() if name.startswith("--")}
     values = {name: vars(options)[about.get("dest", name[2:].replace("-", "_"))] for name, about in table.items()}
-    given = {name for name, value in values.items() if value not in (None, False, [], table[name].get("default"))}
-    for name in values:
-        needs, without = table[name].get("needs", name), table[name].get("without", "")
-        if name in given and needs not in given:
+    given = [name for name in table if values[name] not in (None, False, [], table[name].get("default"))]
+    for name in given:
+        if (needs := table[name].get("needs", name)) not in given:
             raise ArgumentError(f"{name}: has no effect without {needs}; add it, or leave {name} out", id="no-effect")
-        if name in given and without in given:
+        if (without := table[name].get("without")) in given:
             raise ArgumentError(f"{name}: has no effect with {without}; leave one of them out", id="no-effect")
+        if "is" in table[name]:
+            shared.REQUIRE[table[name]["is"]](values[name])
 
 
 def _copied_by(error: Exception, options: argparse.Namespace) -> str:
@@ -129,16 +132,6 @@ def _copied_by(error: Exception, options: argparse.Namespace) -> str:
     if here := [str(name) for name in names if name.name == path.name and name.is_file()]:
         return f"; did you mean {here[0]!r}?"
     return "".join(f"; get {name} by: flexlink examples {name}" for name in names if name.name == path.name)
-
-
-MEANT = {
-    "command": {
-        "plot": "simulate SCENE --plot run.png", "run": "simulate", "animate": "show", "film": "show",
-        "convert": "export", "validate": "compare", "identify": "fit", "optimise": "advise", "frequencies": "modes",
-    },
-    "option": {"time": "duration", "t-end": "duration", "dt": "step", "output": "out", "timestep": "step"},
-}  # fmt: skip
-"""What commands and options of other programs are called here."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -162,7 +155,7 @@ class _Parser(argparse.ArgumentParser):
         """End of the message on a word that no argument takes: what was probably meant, or what the command takes."""
         names = {name.strip("-"): name for name in self._option_string_actions}
         word = given.partition("=")[0].strip("-")
-        word = meant if (meant := MEANT["option"].get(word)) in names else word
+        word = meant if (meant := _data("meant.toml")["option"].get(word)) in names else word
         near = names.get(closest(word, names) or "", "")
         near = next((f"{one.option_strings[-1]} {word}" for one in self._actions if word in (one.choices or ())), near)
         if "--file" in self._option_string_actions and Path(given).is_file():
@@ -182,7 +175,7 @@ class _Parser(argparse.ArgumentParser):
             known, where = [name.strip("' ") for name in wrong[2].split(",")], message.partition(": invalid")[0]
             is_command = where == "argument command"
             what = "unknown command" if is_command else f"{where}: unknown"
-            meant = MEANT["command"].get(wrong[1]) if is_command else None
+            meant = _data("meant.toml")["command"].get(wrong[1]) if is_command else None
             near = f"; did you mean {meant!r}?" if meant else did_you_mean(wrong[1], known)
             message = f"{what} {wrong[1]!r}{near or '; allowed are ' + ', '.join(known)}"
         message = re.sub(r"invalid float value: (.*)", r"\1: expected a number in SI units, such as 0.5", message)
@@ -240,9 +233,8 @@ def _add_arguments(command: argparse.ArgumentParser, name: str, words: Mapping[s
     """Add the arguments of a command; `words` are those of the help texts."""
     types = {"Path": Path, "float": float, "int": int}
     for argument, given in _arguments_of(name).items():
-        about = given | {"help": given["help"].format_map(words)}
-        for key in ("needs", "without"):
-            about.pop(key, None)
+        about = {key: value for key, value in given.items() if key not in {"needs", "without", "is"}}
+        about["help"] = given["help"].format_map(words)
         if "type" in about:
             about["type"] = types[about["type"]]
         if isinstance(about.get("metavar"), list):
@@ -250,14 +242,18 @@ def _add_arguments(command: argparse.ArgumentParser, name: str, words: Mapping[s
         command.add_argument(argument, **about)
 
 
+def _data(name: str) -> dict[str, Any]:
+    """A data file of this folder."""
+    import tomllib  # noqa: PLC0415  not needed for help
+
+    return tomllib.loads(Path(__file__).with_name(name).read_text(encoding="utf-8"))
+
+
 @functools.cache
 def _arguments_of(name: str) -> dict[str, dict[str, Any]]:
     """The arguments of a command, by name."""
-    import tomllib  # noqa: PLC0415  not needed for help
-
-    tables = tomllib.loads(Path(__file__).with_name("options.toml").read_text(encoding="utf-8"))
     found: dict[str, dict[str, Any]] = {}
-    for commands, table in tables.items():
+    for commands, table in _data("options.toml").items():
         found |= table if {name, "*"} & {*commands.split()} else {}
     return found
 

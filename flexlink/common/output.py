@@ -25,11 +25,8 @@ def write_whole(path: Path, write: Callable[[Path], object]) -> None:
 
 
 @contextlib.contextmanager
-def _temporary(path: Path, named: Path | None = None) -> Iterator[tuple[Path, Path]]:
-    """Yield a temporary file, and the file that it will replace (`path` without links); errors as in `write_whole`.
-
-    Errors name `path`, or what is `named` instead.
-    """
+def _temporary(path: Path) -> Iterator[tuple[Path, Path]]:
+    """Yield a temporary file, and the file that it will replace (`path` without links); errors as in `write_whole`."""
     target = Path(os.path.realpath(path))
     temporary = target.with_name(f".{target.stem}-{secrets.token_hex(4)}{target.suffix}")
     try:
@@ -44,7 +41,7 @@ def _temporary(path: Path, named: Path | None = None) -> Iterator[tuple[Path, Pa
             finally:
                 temporary.unlink(missing_ok=True)
     except OSError as error:
-        raise OutputError(f"{named or path}: cannot be written: {error.strerror or error}", id="cannot-write") from None
+        raise OutputError(f"{path}: cannot be written: {error.strerror or error}", id="cannot-write") from None
 
 
 def check_writable(path: Path) -> None:
@@ -57,10 +54,10 @@ def make_folder(path: Path) -> None:
     """Create a folder and its parents, and check, before results are computed, that files can be created in it."""
     try:
         path.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=path).close()
     except OSError as error:
-        raise OutputError(f"{path}: the folder cannot be made: {error.strerror or error}", id="cannot-write") from None
-    with _temporary(path / "index.html", named=path):
-        pass
+        text = f"{path}: the folder cannot be made or written to: {error.strerror or error}"
+        raise OutputError(text, id="cannot-write") from None
 
 
 def begin_page(folder: Path) -> None:

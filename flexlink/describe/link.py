@@ -210,18 +210,13 @@ class Link(Spec, frozen=True):
             raise SceneError(f"{self._strains}: {why}", id="strains-need-a-section")
 
     def _check_curved(self, length: float) -> None:
-        given = self.bent_by
+        given = ", ".join(key for key in ("curvature", "twist", "thermal") if getattr(self, key))
         if length == 0 or (self.material is None and self.rigidity is None):
             why = "a link that is curved or twisted at rest needs a length, and a material and a section, or a rigidity"
             raise SceneError(f"{given}: {why}", id="needs-another-key")
         for end in ends(self.curvature, self.twist):
             if why := wrong_end(end, length):
                 raise SceneError(f"{given}: {why}", id="rigidity-table")
-
-    @property
-    def bent_by(self) -> str:
-        """The keys by which the unloaded beam is curved or twisted, for messages."""
-        return ", ".join(key for key in ("curvature", "twist", "thermal") if getattr(self, key))
 
     @property
     def rest_shape(self) -> RestShape | None:

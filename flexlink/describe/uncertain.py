@@ -64,9 +64,6 @@ def _value(scene: Scene, fields: Mapping[str, Any], path: str, u: float) -> Inpu
     except SceneError as error:
         raise SceneError(f"{before}{error}", id=error.id) from None
     if value:
-        if u > 1:
-            why = "is relative to the value, at most 1; 5 % is 0.05"
-            raise SceneError(f"uncertain.{path} = {u!r}: {why}", id="wrong-value")
         return Input(path, lambda z: {path: value * np.exp(u * z)}, one_sided=False)
     try:
         scene.varied({path: -u})

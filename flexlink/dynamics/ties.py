@@ -35,10 +35,7 @@ PASSES = 50  # Newton steps to close the ties at the start
 
 
 def tie_rows(scene: Scene | None, chain: Chain) -> Ties | None:
-    """The rows of a scene's ties on its open chain, None without ties; refuses what ties do not allow.
-
-    Errors name the scene `ties`, as public functions do, which take it besides the chain.
-    """
+    """The rows of a scene's ties on its open chain, None without ties; refuses what ties do not allow."""
     if scene is None or not require_type("ties", scene, Scene).ties:
         return None
     if (links := tuple(link.name for link in scene.arm.links)) != chain.link_names:

@@ -1,5 +1,6 @@
 """hints(scene): reports numbers that were likely given in another unit, one line each."""
 
+import fnmatch
 import math
 from collections.abc import Iterator, Sequence
 
@@ -7,10 +8,17 @@ import numpy as np
 
 from flexlink.common.errors import Diagnostic
 from flexlink.common.memo import keep_last
-from flexlink.describe.arm import Arm
+from flexlink.data.documents import paths_of
 from flexlink.describe.material import BREADTHS
 from flexlink.describe.plausibility import loads
-from flexlink.describe.plausibility.sizes import hint_if_outside, largest_dimension, of_materials, of_sections, shown
+from flexlink.describe.plausibility.sizes import (
+    hint_if_outside,
+    largest_dimension,
+    of_materials,
+    of_sections,
+    ranges,
+    shown,
+)
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
 
@@ -30,7 +38,7 @@ def hints(scene: Scene) -> tuple[Diagnostic, ...]:
 
 def _hints(scene: Scene) -> Iterator[Diagnostic]:
     arm, about, g = scene.arm, loads.situation_of(scene), math.hypot(*scene.gravity)
-    causes = [*of_materials(arm), *of_sections(arm), *of_rest_shapes(arm), *of_ties(scene)]
+    causes = [*of_materials(arm), *of_sections(arm), *of_numbers(scene)]
     causes += hint_if_outside("gravity", scene.gravity, "gravity_of_one" if g == 1.0 else "gravity", g)
     causes += [*loads.of_places(scene, about), *loads.of_masses(scene, about)]
     yield from causes
@@ -42,39 +50,22 @@ def _hints(scene: Scene) -> Iterator[Diagnostic]:
         yield from list(loads.of_loads(scene, about)) or loads.of_joints(scene, about)
 
 
-TIES = {
-    "length": "distance", "lengths": "distance", "stroke": "distance", "bore": "piston", "rod": "piston",
-    "bulk_modulus": "bulk_modulus", "dead_volume": "dead_volume", "pressures": "pressure",
-}  # fmt: skip
-"""Quantities of keys of ties."""
-
-
-def of_ties(scene: Scene) -> Iterator[Diagnostic]:
-    """Hints on lengths of ties, and on cylinders and their oil."""
-    for tie in scene.tie:
-        for key, name in TIES.items():
-            if largest := np.max(getattr(tie, key) or 0.0):
-                yield from hint_if_outside(f"tie.{tie.name}.{key}", getattr(tie, key), name, float(largest))
-
-
-def of_rest_shapes(arm: Arm) -> Iterator[Diagnostic]:
-    """Hints on links that are curved or twisted at rest through several turns, and on the cause if it is heat."""
-    for k, link in enumerate(arm.links, 1):
-        α = 0.0 if link.thermal is None else link.thermal.expansion
-        hot = list(hint_if_outside(f"{arm.path(k)}.thermal.expansion", α, "expansion", abs(α)))
-        yield from hot
-        if link.rest_shape is not None and not hot:
-            twist, *bent = (float(np.trapezoid(np.abs(part.values), part.x)) for part in link.rest_shape)
-            for key, mean in (("twist", twist), ("curvature", max(bent))):
-                yield from hint_if_outside(f"{arm.path(k)}.{key}", mean, key, mean * link.beam.length)
+def of_numbers(scene: Scene) -> Iterator[Diagnostic]:
+    """Hints on numbers that are implausible by themselves, at the `paths` of their quantity."""
+    document = scene.document()
+    named = {key: {part["name"]: part for part in document[key]} for key in ("link", "tie", "sensor")}
+    patterns = {pattern: name for name, known in ranges().items() for pattern in known.paths}
+    for path, value in paths_of(document | named):
+        for pattern, name in patterns.items():
+            if value and fnmatch.fnmatchcase(path, pattern):
+                yield from hint_if_outside(path, value, name, float(np.abs(value).max()))
 
 
 def of_sensors(scene: Scene) -> Iterator[Diagnostic]:
-    """Hints on gauges far outside their link's section, on delays, and on resolutions of joint angles."""
+    """Hints on gauges far outside their link's section, on rates, and on resolutions of joint angles."""
     arm = scene.arm
     for sensor in scene.sensor:
         path = f"sensor.{sensor.name}"
-        yield from hint_if_outside(f"{path}.delay", sensor.delay, "delay", sensor.delay)
         if sensor.rate is not None and sensor.rate * scene.run.duration < 1:
             yield from hint_if_outside(f"{path}.rate", sensor.rate, "rate", sensor.rate)
         if sensor.resolution is not None and column_names((sensor,), arm) == (f"{sensor.name} [rad]",):
@@ -145,16 +136,12 @@ def _looks_like_radians(value: float, coarse: int = 90) -> bool:
 def of_times(scene: Scene, about: loads.Situation) -> Iterator[Diagnostic]:
     """Hints on tables much longer than the run, on late drives, and on tolerances large for the arm's reach."""
     run, reference = scene.run, scene.drive.reference
-    durations = {"run.duration": run.duration, "drive.reference.duration": (reference and reference.duration) or 0.0}
-    for path, duration in durations.items():
-        yield from hint_if_outside(path, duration, "duration", duration)
     tables = {"drive": scene.drive.times, "wrench": scene.wrench.times}
     tables |= {f"motion.{motion.link}": motion.times for motion in scene.motion}
     tables |= {} if reference is None else {"drive.reference": reference.times}
     for path, times in tables.items():
         if times and run.duration > 0 and times[-1] > 10.0:
             yield from hint_if_outside(f"{path}.times[{len(times) - 1}]", times[-1], "times", times[-1] / run.duration)
-    yield from hint_if_outside("drive.delay", scene.drive.delay, "delay", scene.drive.delay)
     if run.tolerance is not None and about.reach > 0:
         part = run.tolerance / about.reach
         yield from hint_if_outside("run.tolerance", run.tolerance, "tolerance", part, 1.0, f" {part:.2g}")

@@ -8,12 +8,11 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import integer, positive
+from flexlink.chain.arguments import integer, positive, real_array
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, imported
 from flexlink.common.types import Array, Complex
 from flexlink.common.wording import plural, truncated
-from flexlink.describe.numbers import numbers
 from flexlink.dynamics.filters import LinearFilter, linear_filter
 from flexlink.dynamics.placement import jacobian, tip_position
 from flexlink.dynamics.result import SavedResult
@@ -86,7 +85,7 @@ class LinearModel(SavedResult):
         >>> print(H.shape)
         (3, 2, 2)
         """
-        f = np.atleast_1d(numbers("hertz", hertz))
+        f = real_array("hertz", hertz, np.shape(hertz))
         if f.ndim != 1 or not (np.isfinite(f).all() and (f >= 0).all()):
             why = f"hertz = {truncated(hertz)}: expected finite frequencies >= 0, shape (k,)"
             raise ArgumentError(why, id="wrong-value")
