@@ -38,10 +38,9 @@ def vector(
 
 def state(name: str, value: tuple[ArrayLike, ArrayLike], n: int) -> tuple[Array, Array]:
     """Return q and q̇, shape (n,) each, or refuse them; errors as in `vector`."""
-    both = sequence(name, value, "vector, q and qd, as from fl.initial_state(scene, chain)")
-    if len(both) != 2:
-        text = f"{name} has {len(both)} items: expected q and qd, as from fl.initial_state(scene, chain)"
-        raise ArgumentError(text, id="wrong-shape")
+    expected = "q and qd, as from fl.initial_state(scene, chain)"
+    if len(both := sequence(name, value, f"vector: {expected}")) != 2:
+        raise ArgumentError(f"{name} has {len(both)} items: expected {expected}", id="wrong-shape")
     return vector(f"{name}[0]", both[0], n), vector(f"{name}[1]", both[1], n)
 
 

@@ -33,8 +33,7 @@ def run_command(options: argparse.Namespace) -> int:
                 print_lines("note", [f"{number:,.0f} steps in each engine, {steps}; --duration shortens it"])
             comparison = compare_trajectories(scene, duration=options.duration, **how)
         else:
-            samples = 200 if options.samples is None else options.samples
-            comparison = compare(scene, file=options.file, samples=samples, seed=options.seed or 0, **how)
+            comparison = compare(scene, file=options.file, samples=options.samples, seed=options.seed, **how)
     bar.clear()
     options.document = _document(comparison)
     print(comparison)

@@ -93,19 +93,17 @@ def _run_command(options: argparse.Namespace) -> int:
     _check(options)
     if not options.json:
         return int(options.module.run_command(options))
-    from flexlink.cli.shared import print_json  # noqa: PLC0415  loads NumPy, not needed for help
+    from flexlink.data.documents import in_json  # noqa: PLC0415  loads NumPy, not needed for help
 
     options.document, lines = {}, io.StringIO()
     with contextlib.redirect_stdout(lines):
         code = int(options.module.run_command(options))
-    print_json({"lines": lines.getvalue().splitlines()} | options.document)
+    print(in_json({"lines": lines.getvalue().splitlines()} | options.document))
     return code
 
 
 def _check(options: argparse.Namespace) -> None:
     """Refuse options without effect beside the others that are given, and outputs that cannot be written."""
-    from flexlink.cli import shared  # noqa: PLC0415  loads NumPy, not needed for help
-
     table = {name: about for name, about in _arguments_of(options.command).items() if name.startswith("--")}
     values = {name: vars(options)[about.get("dest", name[2:].replace("-", "_"))] for name, about in table.items()}
     given = [name for name in table if values[name] not in (None, False, [], table[name].get("default"))]
@@ -115,7 +113,7 @@ def _check(options: argparse.Namespace) -> None:
         if (without := table[name].get("without")) in given:
             raise ArgumentError(f"{name}: has no effect with {without}; leave one of them out", id="no-effect")
         if "is" in table[name]:
-            shared.REQUIRE[table[name]["is"]](values[name])
+            importlib.import_module("flexlink.cli.shared").REQUIRE[table[name]["is"]](values[name])
 
 
 def _copied_by(error: Exception, options: argparse.Namespace) -> str:
@@ -132,6 +130,16 @@ def _copied_by(error: Exception, options: argparse.Namespace) -> str:
     if here := [str(name) for name in names if name.name == path.name and name.is_file()]:
         return f"; did you mean {here[0]!r}?"
     return "".join(f"; get {name} by: flexlink examples {name}" for name in names if name.name == path.name)
+
+
+MEANT = {
+    "command": {
+        "plot": "simulate SCENE --plot run.png", "run": "simulate", "animate": "show", "film": "show",
+        "convert": "export", "validate": "compare", "identify": "fit", "optimise": "advise", "frequencies": "modes",
+    },
+    "option": {"time": "duration", "t-end": "duration", "dt": "step", "output": "out", "timestep": "step"},
+}  # fmt: skip
+"""What commands and options of other programs are called here."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -155,7 +163,7 @@ class _Parser(argparse.ArgumentParser):
         """End of the message on a word that no argument takes: what was probably meant, or what the command takes."""
         names = {name.strip("-"): name for name in self._option_string_actions}
         word = given.partition("=")[0].strip("-")
-        word = meant if (meant := _data("meant.toml")["option"].get(word)) in names else word
+        word = meant if (meant := MEANT["option"].get(word)) in names else word
         near = names.get(closest(word, names) or "", "")
         near = next((f"{one.option_strings[-1]} {word}" for one in self._actions if word in (one.choices or ())), near)
         if "--file" in self._option_string_actions and Path(given).is_file():
@@ -175,7 +183,7 @@ class _Parser(argparse.ArgumentParser):
             known, where = [name.strip("' ") for name in wrong[2].split(",")], message.partition(": invalid")[0]
             is_command = where == "argument command"
             what = "unknown command" if is_command else f"{where}: unknown"
-            meant = _data("meant.toml")["command"].get(wrong[1]) if is_command else None
+            meant = MEANT["command"].get(wrong[1]) if is_command else None
             near = f"; did you mean {meant!r}?" if meant else did_you_mean(wrong[1], known)
             message = f"{what} {wrong[1]!r}{near or '; allowed are ' + ', '.join(known)}"
         message = re.sub(r"invalid float value: (.*)", r"\1: expected a number in SI units, such as 0.5", message)
@@ -242,18 +250,14 @@ def _add_arguments(command: argparse.ArgumentParser, name: str, words: Mapping[s
         command.add_argument(argument, **about)
 
 
-def _data(name: str) -> dict[str, Any]:
-    """A data file of this folder."""
-    import tomllib  # noqa: PLC0415  not needed for help
-
-    return tomllib.loads(Path(__file__).with_name(name).read_text(encoding="utf-8"))
-
-
 @functools.cache
 def _arguments_of(name: str) -> dict[str, dict[str, Any]]:
     """The arguments of a command, by name."""
+    import tomllib  # noqa: PLC0415  not needed for help
+
     found: dict[str, dict[str, Any]] = {}
-    for commands, table in _data("options.toml").items():
+    tables = tomllib.loads(Path(__file__).with_name("options.toml").read_text(encoding="utf-8"))
+    for commands, table in tables.items():
         found |= table if {name, "*"} & {*commands.split()} else {}
     return found
 

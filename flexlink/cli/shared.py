@@ -16,7 +16,7 @@ from flexlink.common.errors import ArgumentError, Diagnostic, FlexlinkError
 from flexlink.common.notebook import drawing_module
 from flexlink.common.output import check_writable, write_or_keep
 from flexlink.common.wording import coloured, id_of
-from flexlink.data.documents import in_json, shown_path
+from flexlink.data.documents import shown_path
 from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.scene import Scene
 from flexlink.describe.scene_file import load_scene
@@ -134,11 +134,6 @@ REQUIRE = {"picture": _require_picture, "scene": _require_scene_file}
 def command_line() -> str:
     """The command that runs, as typed in a shell."""
     return shlex.join(["flexlink", *sys.argv[1:]])
-
-
-def print_json(document: object) -> None:
-    """Print a document in SI units, as in `in_json`."""
-    print(in_json(document))
 
 
 def with_ids(texts: tuple[str, ...]) -> list[dict[str, str]]:

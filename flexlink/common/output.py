@@ -54,10 +54,9 @@ def make_folder(path: Path) -> None:
     """Create a folder and its parents, and check, before results are computed, that files can be created in it."""
     try:
         path.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=path).close()
     except OSError as error:
-        text = f"{path}: the folder cannot be made or written to: {error.strerror or error}"
-        raise OutputError(text, id="cannot-write") from None
+        raise OutputError(f"{path}: the folder cannot be made: {error.strerror or error}", id="cannot-write") from None
+    check_writable(path / "index.html")
 
 
 def begin_page(folder: Path) -> None:

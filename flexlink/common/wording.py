@@ -6,7 +6,6 @@ import sys
 from collections.abc import Iterable, Sequence
 
 from flexlink.common.errors import SceneError
-from flexlink.common.types import T
 
 
 def id_of(text: object) -> str:
@@ -64,14 +63,6 @@ def both_given(key: str, value: object, other: str, remedy: str = "specify only 
 def missing(key: str, why: str) -> SceneError:
     """The error of a key that must be given."""
     return SceneError(f"{key}: missing; {why}", id="missing-key")
-
-
-class ByName(dict[str, T]):
-    """Values by name; another name is refused by a KeyError with those that there are."""
-
-    def __missing__(self, name: object) -> T:
-        known = did_you_mean(name, self) or f"; allowed are {short_list([*self])}"
-        raise KeyError(f"{truncated(name)}: unknown{known if self else ', there are none'}")
 
 
 def short_list(items: Sequence[str]) -> str:

@@ -132,11 +132,10 @@ def paths_of(table: Mapping[str, Any], leaf: tuple[str, ...] = (), above: str = 
 
 def explained(text: str, error: Exception) -> str:
     """The parser's reason, the line where it failed, and a remedy for common mistakes."""
-    rows = tomllib.loads(Path(__file__).with_name("not_toml.toml").read_text(encoding="utf-8"))["mistake"]
     reason, lines = str(error), text.rstrip().splitlines()
     found = re.search(r"at line (\d+)", reason)
     line = lines[int(found[1]) - 1].strip() if found else lines[-1].strip()
-    for row in rows:
+    for row in tomllib.loads(Path(__file__).with_name("not_toml.toml").read_text(encoding="utf-8"))["mistake"]:
         if re.match(row["reason"], reason) and (match := re.match(row["line"], line)):
             return f"{reason}: {truncated(line)}; {match.expand(row['remedy'])}"
     return f"{reason}: {truncated(line)}"

@@ -15,8 +15,8 @@ from flexlink.chain.layout import Joints
 from flexlink.chain.shapes import on_shapes
 from flexlink.common.errors import ConvergenceError
 from flexlink.common.memo import keep_last
-from flexlink.common.types import Array
-from flexlink.common.wording import ByName, plural
+from flexlink.common.types import Array, ByName
+from flexlink.common.wording import plural
 from flexlink.describe.actions import Frame
 from flexlink.describe.scene import Scene
 from flexlink.dynamics import rounding

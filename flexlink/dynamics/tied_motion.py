@@ -3,8 +3,7 @@
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.common.types import Array, Indices
-from flexlink.common.wording import ByName
+from flexlink.common.types import Array, ByName, Indices
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import accelerations_under
 from flexlink.dynamics.free_motion import basis

@@ -97,8 +97,6 @@ def to_mjcf(
     """
     most_bodies = 490  # MuJoCo's XML parser stops at 500 nested elements
     refuse_states(require_type("chain", chain, Chain), "no file represents it")
-    if ties is not None:
-        require_type("ties", ties, Scene)
     depth = [0]
     for parent in chain.bodies["parent"].tolist():
         depth.append(1 + depth[parent])
@@ -262,7 +260,7 @@ def _safe_step(chain: Chain, ties: Scene | None, initial: tuple[ArrayLike, Array
     from flexlink.dynamics.vibration.stability import stable_step  # noqa: PLC0415  only if no step is given
 
     q, gains = chain.slightly_bent, None
-    if ties is not None and ties.ties:
+    if ties is not None and require_type("ties", ties, Scene).ties:
         q = q if initial is None else np.asarray(initial[0])
         gains = spring_gains(ties, q)
     step = min(2e-3, stable_step(chain, q, gains=gains, method="RK4") / 2)

@@ -9,8 +9,7 @@ from typing import Any
 from flexlink.common.errors import Diagnostic
 from flexlink.common.notebook import builder, html_table
 from flexlink.common.output import write_text
-from flexlink.common.types import Array
-from flexlink.common.wording import ByName
+from flexlink.common.types import Array, ByName
 from flexlink.data.documents import in_json, require_path
 from flexlink.describe.scene import Scene
 from flexlink.identification.block import unit_in

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from flexlink.chain.arguments import integer
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, Diagnostic
-from flexlink.common.types import Array
-from flexlink.common.wording import ByName, plural
+from flexlink.common.types import Array, ByName
+from flexlink.common.wording import plural
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
 from flexlink.dynamics.conserved import Energy, Momentum

@@ -38,10 +38,11 @@ def hints(scene: Scene) -> tuple[Diagnostic, ...]:
 
 def _hints(scene: Scene) -> Iterator[Diagnostic]:
     arm, about, g = scene.arm, loads.situation_of(scene), math.hypot(*scene.gravity)
-    causes = [*of_materials(arm), *of_sections(arm), *of_numbers(scene)]
+    causes = [*of_materials(arm), *of_sections(arm)]
     causes += hint_if_outside("gravity", scene.gravity, "gravity_of_one" if g == 1.0 else "gravity", g)
     causes += [*loads.of_places(scene, about), *loads.of_masses(scene, about)]
     yield from causes
+    yield from of_numbers(scene)
     yield from loads.of_bodies(scene, about)
     yield from of_angles(scene)
     yield from of_times(scene, about)

@@ -85,7 +85,7 @@ class LinearModel(SavedResult):
         >>> print(H.shape)
         (3, 2, 2)
         """
-        f = real_array("hertz", hertz, np.shape(hertz))
+        f = real_array("hertz", hertz, (-1,))
         if f.ndim != 1 or not (np.isfinite(f).all() and (f >= 0).all()):
             why = f"hertz = {truncated(hertz)}: expected finite frequencies >= 0, shape (k,)"
             raise ArgumentError(why, id="wrong-value")
