@@ -15,7 +15,7 @@ from flexlink.chain.layout import Joints
 from flexlink.chain.shapes import on_shapes
 from flexlink.common.errors import ConvergenceError
 from flexlink.common.memo import keep_last
-from flexlink.common.types import Array, ByName
+from flexlink.common.types import Array
 from flexlink.common.wording import plural
 from flexlink.describe.actions import Frame
 from flexlink.describe.scene import Scene
@@ -53,7 +53,7 @@ class Equilibrium(SavedResult):
     def tie_forces(self) -> dict[str, Array]:
         """Forces of ties by name [N, N m], with the signs of `Trajectory.tie_forces`: a number, or shape (3,)."""
         names = np.array(self.tie_names)
-        return ByName({name: self.tie_values[names == name].squeeze() for name in dict.fromkeys(self.tie_names)})
+        return {name: self.tie_values[names == name].squeeze() for name in dict.fromkeys(self.tie_names)}
 
     def __repr__(self) -> str:
         turned, slid = (np.abs(self.q[which]).max(initial=0.0) for which in (~self.slides, self.slides))

@@ -3,7 +3,7 @@
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.common.types import Array, ByName, Indices
+from flexlink.common.types import Array, Indices
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import accelerations_under
 from flexlink.dynamics.free_motion import basis
@@ -80,12 +80,10 @@ def _on_bodies(rows: Rows, chain: Chain, q: Array, λ: Array) -> tuple[Array, Ar
 
 def tie_forces(scene: Scene, ties: Ties, λ: Array) -> dict[str, Array]:
     """Force of each tie by its name, from the multipliers (samples, r) of all rows, as in `Trajectory.tie_forces`."""
-    return ByName(
-        {
-            tie.name: -λ[:, own] @ ties[0]["along"][own] if number_of_rows(tie) > 1 else λ[:, own.start]
-            for tie, own in rows_by_tie(scene.ties)
-        }
-    )
+    return {
+        tie.name: -λ[:, own] @ ties[0]["along"][own] if number_of_rows(tie) > 1 else λ[:, own.start]
+        for tie, own in rows_by_tie(scene.ties)
+    }
 
 
 def pressures(scene: Scene, ties: Ties, chain: Chain, t: Array, q: Array) -> dict[str, Array]:
@@ -99,7 +97,7 @@ def pressures(scene: Scene, ties: Ties, chain: Chain, t: Array, q: Array) -> dic
         if tie.kind == "cylinder":
             k, found[tie.name] = own.start, np.zeros((len(t), 2))
             oil_pressures(rows[k], moved[:, 0, k].copy(), g[:, k].copy(), found[tie.name])
-    return ByName({name: read_only(p) for name, p in found.items()})
+    return {name: read_only(p) for name, p in found.items()}
 
 
 def rods_of(scene: Scene, chain: Chain) -> tuple[Indices, Array]:

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from flexlink.chain.arguments import integer
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, Diagnostic
-from flexlink.common.types import Array, ByName
-from flexlink.common.wording import plural
+from flexlink.common.types import Array
+from flexlink.common.wording import did_you_mean, plural, short_list
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
 from flexlink.dynamics.conserved import Energy, Momentum
@@ -267,7 +267,7 @@ class RunSamples(Result):
         several directions give the force on the point of the link, in axes of `to`, shape (samples, 3).
         """
         if self.scene is None or self._ties is None:
-            return ByName()
+            return {}
         from flexlink.dynamics.tied_motion import tie_forces  # noqa: PLC0415
 
         self.warn_of_vibrations()
@@ -277,7 +277,7 @@ class RunSamples(Result):
     def pressures(self) -> Mapping[str, Array]:
         """Pressures [Pa] above that of the air on the bore side and the rod side of each cylinder, (samples, 2)."""
         if self.scene is None or self._ties is None:
-            return ByName()
+            return {}
         from flexlink.dynamics.tied_motion import pressures  # noqa: PLC0415
 
         return pressures(self.scene, self._ties, self.chain, self.t, self.q)
@@ -361,8 +361,7 @@ class Columns(Mapping[str, Array]):
 
     def __init__(self, run: RunSamples) -> None:
         sources = sources_of(run.chain, run.work is not None)
-        readings = {name: _reading(name) for name in run.sensor_names}
-        self._run, self._sources = run, ByName[Source]({**sources, **readings})
+        self._run, self._sources = run, {**sources, **{name: _reading(name) for name in run.sensor_names}}
 
     def __reduce__(self) -> tuple[type[Columns], tuple[RunSamples]]:
         return Columns, (self._run,)
@@ -371,6 +370,9 @@ class Columns(Mapping[str, Array]):
         return f"<Columns of {self._run!r}: {', '.join(map(repr, self))}>"
 
     def __getitem__(self, name: str) -> Array:
+        if name not in self._sources:
+            known = did_you_mean(name, self._sources) or f"; allowed are {short_list([*self])}"
+            raise KeyError(f"no column {name!r}{known}")
         return self._sources[name](self._run)
 
     def __iter__(self) -> Iterator[str]:

@@ -58,7 +58,7 @@ def of_numbers(scene: Scene) -> Iterator[Diagnostic]:
     patterns = {pattern: name for name, known in ranges().items() for pattern in known.paths}
     for path, value in paths_of(document | named):
         for pattern, name in patterns.items():
-            if value and fnmatch.fnmatchcase(path, pattern):
+            if fnmatch.fnmatchcase(path, pattern) and np.any(value):
                 yield from hint_if_outside(path, value, name, float(np.abs(value).max()))
 
 
