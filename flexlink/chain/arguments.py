@@ -36,6 +36,14 @@ def vector(
     return value
 
 
+def state(name: str, value: tuple[ArrayLike, ArrayLike], n: int) -> tuple[Array, Array]:
+    """Return q and q̇, shape (n,) each, or refuse them; errors as in `vector`."""
+    expected = "q and qd, as from fl.initial_state(scene, chain)"
+    if len(both := sequence(name, value, f"vector: {expected}")) != 2:
+        raise ArgumentError(f"{name} has {len(both)} items: expected {expected}", id="wrong-shape")
+    return vector(f"{name}[0]", both[0], n), vector(f"{name}[1]", both[1], n)
+
+
 def real_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
     """Return a writable, contiguous float64 copy, because kernels would be compiled again for read-only arrays."""
     return np.atleast_1d(numbers(name, value, f"real numbers, shape {shape}"))

@@ -39,8 +39,8 @@ def turns_at_rest(link: Link, rule: LumpingRule, nodes: Array) -> Turns:
         return np.zeros_like(v), Rotation.from_rotvec(v).as_matrix()
     largest = np.linalg.norm(v, axis=1).max()
     if largest >= np.pi / 2:  # where Euler angles are singular
-        text = f"link {link.name!r}: at rest a hinge turns by {np.degrees(largest):.0f}°, which must be less than 90°; "
-        raise SceneError(f"{text}use more segments", id="rest-angle-too-large")
+        text = f"link {link.name!r}: at rest a hinge turns by {np.degrees(largest):.0f}°, which must be less than 90°"
+        raise SceneError(f"{text}; use more segments, or check curvature, twist, thermal", id="rest-angle-too-large")
     stiff, angles = [axis for axis in range(3) if axis not in bends], v.copy()
     in_space = (v != 0).sum(axis=1) > 1
     for reverse in (False, True):

@@ -9,15 +9,13 @@ import argparse
 import contextlib
 
 from flexlink.advice.advise import advise
-from flexlink.cli.shared import prefix_errors, print_path, require_scene_file, varied_scene
+from flexlink.cli.shared import prefix_errors, print_path, varied_scene
 from flexlink.common.output import write_or_keep, write_text
 
 
 def run_command(options: argparse.Namespace) -> int:
     """Find a model, print the reasons, and write the scene on request; exit with 1 if no model is good enough."""
     scene = varied_scene(options.scene, options)
-    if options.out is not None:
-        require_scene_file(options.out)
     tip = options.tip
     with contextlib.suppress(ValueError):  # a length with its unit
         tip = float(tip)

@@ -11,7 +11,6 @@ from typing import Any
 
 from flexlink.chain.lumping import lump, open_chain
 from flexlink.cli.shared import prefix_errors, print_lines, varied_scene
-from flexlink.common.errors import ArgumentError
 from flexlink.common.progress import Progress
 from flexlink.diagnosis.comparison import Comparison, compare
 from flexlink.diagnosis.trajectories import TrajectoryComparison, compare_trajectories, in_fixed_steps
@@ -21,11 +20,6 @@ MANY_STEPS = 50_000  # number of steps for which other engines take a few second
 
 def run_command(options: argparse.Namespace) -> int:
     """Compare; exit with 1 if an engine or the file differs by more than rounding errors."""
-    for name in ("file", "samples", "seed") if options.trajectory else ("duration",):
-        value = getattr(options, name)
-        if value is not None:
-            remedy = "leave it out, or leave out --trajectory" if options.trajectory else "add --trajectory"
-            raise ArgumentError(f"--{name} {value}: has no effect here; {remedy}", id="no-effect")
     scene = varied_scene(options.scene, options)
     bar = Progress(scene.name)
     how: dict[str, Any] = {"engines": options.engines, "progress": bar}
@@ -39,8 +33,7 @@ def run_command(options: argparse.Namespace) -> int:
                 print_lines("note", [f"{number:,.0f} steps in each engine, {steps}; --duration shortens it"])
             comparison = compare_trajectories(scene, duration=options.duration, **how)
         else:
-            samples = 200 if options.samples is None else options.samples
-            comparison = compare(scene, file=options.file, samples=samples, seed=options.seed or 0, **how)
+            comparison = compare(scene, file=options.file, samples=options.samples, seed=options.seed, **how)
     bar.clear()
     options.document = _document(comparison)
     print(comparison)

@@ -20,6 +20,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.output import make_folder, write_whole
 from flexlink.common.types import Array
 from flexlink.data.documents import shown_path
+from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.describe.tie import refuse_ties
 from flexlink.formats import FORMATS
@@ -40,15 +41,10 @@ def run_command(options: argparse.Namespace) -> int:
     for path in options.scenes:
         scene = varied_scene(path, options)
         with prefix_errors(path):
-            if code or options.fmu:
+            if code:
                 refuse_ties(scene.ties, "C code, CasADi code and FMUs have no ties")
             chain, state = _chain_and_state(path, scene, options, notes)
-            if options.fmu and state:
-                texts[options.fmu] = to_fmu(
-                    chain, state, fmi=options.fmi, sample=scene.run.between, duration=scene.run.duration,
-                    binary=not options.no_binary,
-                )  # fmt: skip
-            texts |= {target: write(chain) for target, write in code.items()}
+            texts |= {target: write(chain, state, scene.run) for target, write in code.items()}
         for name in _formats(options):
             target = options.out / (path.stem + FORMATS[name].ending)
             if target in texts:
@@ -59,7 +55,8 @@ def run_command(options: argparse.Namespace) -> int:
                 more = {"initial": state, "ties": scene} if FORMATS[name].keyframe else {}
                 texts[target] = FORMATS[name].write(chain, **more)
     for path in texts:
-        make_folder(path.parent)
+        if not path.parent.exists():
+            make_folder(path.parent)
         require_writable(path)
     for path, text in texts.items():
         content = text.encode() if isinstance(text, str) else text
@@ -75,21 +72,27 @@ def _formats(options: argparse.Namespace) -> list[str]:
     return list(dict.fromkeys(options.format or ([] if options.c or options.casadi or options.fmu else FORMATS)))
 
 
-def _code_writers(options: argparse.Namespace) -> dict[Path, Callable[[Chain], str]]:
+def _code_writers(options: argparse.Namespace) -> dict[Path, Callable[..., str | bytes]]:
     """Writers of the requested code files, by path."""
     if options.out.suffix in OF_ENGINES and not options.out.exists():
         text = f"--out {options.out}: files are named after the scenes; give their folder, --out {options.out.parent}"
         raise ArgumentError(text, id="unknown-format")
-    to_c_code = functools.partial(to_c, slopes=options.slopes, step=options.step)
-    writers: dict[Path, Callable[[Chain], str]] = {}
-    both = ((options.c, to_c_code, ".c", "C code"), (options.casadi, to_casadi, ".py", "code for CasADi"))
-    for path, write, end, what in both:
+
+    def fmu(chain: Chain, state: tuple[Array, Array], run: RunSettings) -> bytes:
+        how = {"fmi": options.fmi, "binary": not options.no_binary}
+        return to_fmu(chain, state, sample=run.between, duration=run.duration or 1.0, **how)
+
+    known: tuple[tuple[Path | None, Callable[..., str | bytes], str, str], ...] = (
+        (options.c, lambda chain, *_: to_c(chain, slopes=options.slopes, step=options.step), ".c", "C code"),
+        (options.casadi, lambda chain, *_: to_casadi(chain), ".py", "code for CasADi"),
+        (options.fmu, fmu, ".fmu", "an FMU"),
+    )
+    writers = {}
+    for path, write, end, what in known:
         if path is not None:
             ending(path, (end,), what)
             writers[path] = write
-    if options.fmu is not None:
-        ending(options.fmu, (".fmu",), "an FMU")
-    if (writers or options.fmu) and len(options.scenes) > 1:
+    if writers and len(options.scenes) > 1:
         raise ArgumentError("--c, --casadi, --fmu: one scene per file; export one at a time", id="would-overwrite")
     return writers
 

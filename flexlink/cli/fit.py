@@ -40,8 +40,6 @@ def run_command(options: argparse.Namespace) -> int:
     (options.problem,) = options.problem
     problem = _problem(options.problem, options)
     if options.experiments is not None:
-        if not options.propose:
-            raise ArgumentError("--experiments: has no effect without --propose", id="needs-another-argument")
         Experiments.load(options.experiments)  # reports mistakes before the fit
     print_hints([*hints(problem.scene), *hints_on_bounds(problem)], options)
     if options.out is not None:
@@ -128,7 +126,7 @@ def _print_fit(found: Fitted) -> None:
 
 def run_comparison(options: argparse.Namespace) -> int:
     """Fit every problem, print and write the comparison; exit with 1 if the preferred model does not pass."""
-    for key in ("check", "propose", "profile"):
+    for key in ("check", "propose", "profile", "predict"):
         if getattr(options, key):
             raise ArgumentError(f"--{key}: has no effect with several problems or --folds", id="no-effect")
     problems = [_problem(path, options) for path in options.problem]

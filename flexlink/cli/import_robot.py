@@ -26,8 +26,6 @@ from flexlink.robots.robot_file import read_robot
 
 def run_command(options: argparse.Namespace) -> int:
     """Import a robot, print what was done, and write the scene on request."""
-    if options.out is not None:
-        shared.require_scene_file(options.out)
     source = Path(options.robot)
     by_name = source.name == options.robot and not (source.suffix or source.is_file())
     known = known_arm(options.robot) if by_name else KnownArm(file=options.robot)

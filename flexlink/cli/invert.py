@@ -15,9 +15,6 @@ from flexlink.motion.inversion import Inversion, ShapedMove, invert
 def run_command(options: argparse.Namespace) -> int:
     """Print pre-actuation, torques and errors beside those of a shaped move; 1 if the tip misses the tolerance."""
     scene = shared.varied_scene(options.scene, options)
-    if options.out is not None:
-        shared.require_scene_file(options.out)
-    shared.require_picture(options.plot)
     with shared.prefix_errors(options.scene):
         found = invert(scene, options.tip, duration=options.duration, tolerance=options.tolerance)
         beside = found.shaped(options.shaper)

@@ -7,8 +7,7 @@ flexlink loop models/ptp_move.toml --set drive.rate=1000 --over drive.delay --va
 
 import argparse
 
-from flexlink.cli.shared import prefix_errors, require_picture, save_plot, varied_scene
-from flexlink.common.errors import ArgumentError
+from flexlink.cli.shared import prefix_errors, save_plot, varied_scene
 from flexlink.common.notebook import drawing_module
 from flexlink.motion.loop.instability import instability
 from flexlink.motion.loop.loop import Loop, loop
@@ -17,9 +16,6 @@ from flexlink.motion.loop.loop import Loop, loop
 def run_command(options: argparse.Namespace) -> int:
     """Print poles, margins and limits of the loop; return 1 if it is unstable."""
     scene = varied_scene(options.scene, options)
-    if bool(options.over) != bool(options.values):
-        raise ArgumentError("--over: needs --values, and --values needs --over", id="needs-another-key")
-    require_picture(options.plot)
     with prefix_errors(options.scene):
         found = loop(scene)
         along = found.over(options.over, options.values) if options.over else []

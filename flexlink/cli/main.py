@@ -14,7 +14,7 @@ from collections.abc import Container, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn, TextIO
 
-from flexlink.common.errors import ALSO, FlexlinkError
+from flexlink.common.errors import ALSO, ArgumentError, FlexlinkError
 from flexlink.common.interruption import finish, word
 from flexlink.common.versions import __version__
 from flexlink.common.wording import closest, coloured, did_you_mean, id_of
@@ -90,15 +90,30 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 def _run_command(options: argparse.Namespace) -> int:
     """Run the command; with `--json`, print one document: its own, and the lines that it would print beside it."""
+    _check(options)
     if not options.json:
         return int(options.module.run_command(options))
-    from flexlink.cli.shared import print_json  # noqa: PLC0415  loads NumPy, not needed for help
+    from flexlink.data.documents import in_json  # noqa: PLC0415  loads NumPy, not needed for help
 
     options.document, lines = {}, io.StringIO()
     with contextlib.redirect_stdout(lines):
         code = int(options.module.run_command(options))
-    print_json({"lines": lines.getvalue().splitlines()} | options.document)
+    print(in_json({"lines": lines.getvalue().splitlines()} | options.document))
     return code
+
+
+def _check(options: argparse.Namespace) -> None:
+    """Refuse options without effect beside the others that are given, and outputs that cannot be written."""
+    table = {name: about for name, about in _arguments_of(options.command).items() if name.startswith("--")}
+    values = {name: vars(options)[about.get("dest", name[2:].replace("-", "_"))] for name, about in table.items()}
+    given = [name for name in table if values[name] not in (None, False, [], table[name].get("default"))]
+    for name in given:
+        if (needs := table[name].get("needs", name)) not in given:
+            raise ArgumentError(f"{name}: has no effect without {needs}; add it, or leave {name} out", id="no-effect")
+        if (without := table[name].get("without")) in given:
+            raise ArgumentError(f"{name}: has no effect with {without}; leave one of them out", id="no-effect")
+        if "is" in table[name]:
+            importlib.import_module("flexlink.cli.shared").REQUIRE[table[name]["is"]](values[name])
 
 
 def _copied_by(error: Exception, options: argparse.Namespace) -> str:
@@ -164,7 +179,7 @@ class _Parser(argparse.ArgumentParser):
         return f"; {self.prog} takes {' and '.join(takes) or 'no names'}{in_one * is_part}"
 
     def error(self, message: str) -> NoReturn:
-        if wrong := re.search(r"invalid choice: '(.*?)' \(choose from (.*)\)", message):
+        if wrong := re.search(r"invalid choice: '?(.*?)'? \(choose from (.*)\)", message):
             known, where = [name.strip("' ") for name in wrong[2].split(",")], message.partition(": invalid")[0]
             is_command = where == "argument command"
             what = "unknown command" if is_command else f"{where}: unknown"
@@ -225,11 +240,9 @@ def build_parser(words: Container[str] | None = None) -> argparse.ArgumentParser
 def _add_arguments(command: argparse.ArgumentParser, name: str, words: Mapping[str, Any]) -> None:
     """Add the arguments of a command; `words` are those of the help texts."""
     types = {"Path": Path, "float": float, "int": int}
-    found: dict[str, dict[str, Any]] = {}
-    for commands, table in _arguments().items():
-        found |= table if {name, "*"} & {*commands.split()} else {}
-    for argument, given in found.items():
-        about = given | {"help": given["help"].format_map(words)}
+    for argument, given in _arguments_of(name).items():
+        about = {key: value for key, value in given.items() if key not in {"needs", "without", "is"}}
+        about["help"] = given["help"].format_map(words)
         if "type" in about:
             about["type"] = types[about["type"]]
         if isinstance(about.get("metavar"), list):
@@ -238,10 +251,15 @@ def _add_arguments(command: argparse.ArgumentParser, name: str, words: Mapping[s
 
 
 @functools.cache
-def _arguments() -> dict[str, dict[str, dict[str, Any]]]:
+def _arguments_of(name: str) -> dict[str, dict[str, Any]]:
+    """The arguments of a command, by name."""
     import tomllib  # noqa: PLC0415  not needed for help
 
-    return tomllib.loads(Path(__file__).with_name("options.toml").read_text(encoding="utf-8"))
+    found: dict[str, dict[str, Any]] = {}
+    tables = tomllib.loads(Path(__file__).with_name("options.toml").read_text(encoding="utf-8"))
+    for commands, table in tables.items():
+        found |= table if {name, "*"} & {*commands.split()} else {}
+    return found
 
 
 @functools.cache

@@ -13,7 +13,7 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump, open_chain
-from flexlink.cli.shared import prefix_errors, require_picture, save_plot, varied_scene
+from flexlink.cli.shared import prefix_errors, save_plot, varied_scene
 from flexlink.common.errors import ArgumentError, ConvergenceError
 from flexlink.common.notebook import drawing_module
 from flexlink.common.types import Array
@@ -128,7 +128,6 @@ def _predicted(scene: Scene, options: argparse.Namespace) -> Array:
 def run_command(options: argparse.Namespace) -> int:
     """Print modes, slowest first, and plot them on request."""
     scene = varied_scene(options.scene, options)
-    require_picture(options.plot)
     if options.count < 1:
         raise ArgumentError(f"--count = {options.count}: must be at least 1", id="out-of-range")
     with prefix_errors(options.scene):

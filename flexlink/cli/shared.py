@@ -16,7 +16,7 @@ from flexlink.common.errors import ArgumentError, Diagnostic, FlexlinkError
 from flexlink.common.notebook import drawing_module
 from flexlink.common.output import check_writable, write_or_keep
 from flexlink.common.wording import coloured, id_of
-from flexlink.data.documents import in_json, shown_path
+from flexlink.data.documents import shown_path
 from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.scene import Scene
 from flexlink.describe.scene_file import load_scene
@@ -103,7 +103,7 @@ def save_plot(figure: Figure, path: Path) -> None:
     print_path("plot", path)
 
 
-def require_scene_file(path: Path) -> None:
+def _require_scene_file(path: Path) -> None:
     """Check, before results are computed, that a scene can be written to a file, which is not of another format."""
     if path.suffix in OF_ENGINES:
         text = f"then: flexlink export SCENE.toml --format {OF_ENGINES[path.suffix]}"
@@ -120,22 +120,20 @@ def require_writable(path: Path) -> None:
     check_writable(path)
 
 
-def require_picture(path: Path | None) -> None:
+def _require_picture(path: Path) -> None:
     """Check, before results are computed, that a plot can be drawn and written."""
-    if path is not None:
-        ending(path, (".png", ".svg", ".pdf"), "a picture")
-        require_writable(path)
-        drawing_module("results.plotting")
+    ending(path, (".png", ".svg", ".pdf"), "a picture")
+    require_writable(path)
+    drawing_module("results.plotting")
+
+
+REQUIRE = {"picture": _require_picture, "scene": _require_scene_file}
+"""Checks of an output before the command starts, by what it is in `options.toml`."""
 
 
 def command_line() -> str:
     """The command that runs, as typed in a shell."""
     return shlex.join(["flexlink", *sys.argv[1:]])
-
-
-def print_json(document: object) -> None:
-    """Print a document in SI units, as in `in_json`."""
-    print(in_json(document))
 
 
 def with_ids(texts: tuple[str, ...]) -> list[dict[str, str]]:

@@ -45,7 +45,6 @@ def run_command(options: argparse.Namespace) -> int:
     if options.out is not None:
         ending(options.out, *TRAJECTORY)
         shared.require_writable(options.out)
-    shared.require_picture(options.plot)
     with shared.prefix_errors(options.scene):
         ready = SingleRun(problem_of(scene, tied=True))  # compiles now: signals act at once, run times are correct
         shared.print_notes(open_chain(scene))

@@ -51,9 +51,8 @@ def run_command(options: argparse.Namespace) -> int:
         there = f", {done} stored before" if done else ""
         print(f"{plan.sweep.scene.name}: {members - done} members run in {clock(seconds)}{there}")
         for name, *_, mean, deviation in (row[:6] for row in store.table()[1] if plan.sweep.statistics):
-            print(
-                f"{name}: no member has it" if mean is None else f"{name}: mean {mean:.6g}, deviation {deviation:.3g}"
-            )
+            known = "no member has it" if mean is None else f"mean {mean:.6g}, deviation {deviation:.3g}"
+            print(f"{name}: {known}")
         print(f"results: {store.path}")
         if options.export:
             place = out.with_suffix(f".{options.export}")

@@ -165,10 +165,8 @@ class Link(Spec, frozen=True):
         if self.dh is not None and (self.joint.direction != (0.0, 0.0, 1.0)).any():
             raise SceneError(f"joint.axis = {truncated(self.joint.axis)}: must be Z with dh; omit axis", id="dh-axis")
         for axis in ROOT_AXES:
-            damping = getattr(self.root_damping, axis, 0.0)
-            if damping and axis not in self.root_springs:
-                given = f"root_damping.{axis} = {damping!r}"
-                raise SceneError(f"{given}: needs a root_stiffness.{axis}", id="needs-another-key")
+            if getattr(self.root_damping, axis, 0.0) and axis not in self.root_springs:
+                raise self._refused(f"root_damping.{axis}", f"needs a root_stiffness.{axis}", "needs-another-key")
         length = self.beam.length
         if self.rest_shape is not None:
             self._check_curved(length)

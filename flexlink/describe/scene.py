@@ -398,6 +398,8 @@ def scene_from(
 ) -> Scene:
     """Build a scene from a parsed file and from checked parts of another scene; `finite` as in `decode`."""
     required = [field.encode_name for field in _fields() if field.required and field.encode_name not in kept]
+    if isinstance(raw.get("uncertain"), dict):  # paths with or without quotes
+        raw = {**raw, "uncertain": dict(documents.paths_of(raw["uncertain"]))}
     try:
         spec.check_keys(raw, FIELDS, required)
         values = {**kept, **{key: spec.decode(value, FIELDS[key], key, finite=finite) for key, value in raw.items()}}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import operator
 import re
 import reprlib
 import threading
@@ -125,8 +126,8 @@ class Spec(
             msgspec.structs.force_setattr(self, field.name, kept)
 
     def _refused(self, key: str, why: str, id: str) -> SceneError:
-        """The error of the value of a key."""
-        value = getattr(self, key)
+        """The error of the value of a key, also of one of a part, such as `to.axis`."""
+        value = operator.attrgetter(key)(self)
         return SceneError(f"{key} = {repr(value) if isinstance(value, str) else truncated(value)}: {why}", id=id)
 
     def __repr__(self) -> str:

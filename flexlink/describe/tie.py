@@ -142,21 +142,20 @@ class Tie(TieEnd, frozen=True, kw_only=True):
             if key in needs and value is None:
                 raise missing(key, f"kind {self.kind!r} needs it")
             if value and value != (0.0, 0.0) and key not in (*needs, *may):
-                raise self._wrong(key, value, f"kind {self.kind!r} takes {', '.join((*needs, *may))}")
+                why = f"kind {self.kind!r} takes {', '.join((*needs, *may))}"
+                raise self._refused(key, why, "key-of-another-kind")
         if self.on_joint:
             known = (TieEnd(), TieEnd(link=self.to.link))[: 1 + (self.kind == "joint")]
             for key, value in (("x", self.x), ("point", self.point), ("to", None if self.to in known else self.to)):
                 if value is not None:
-                    raise self._wrong(key, value, f"kind {self.kind!r} is on the joint of link; leave it out")
+                    why = f"kind {self.kind!r} is on the joint of link; leave it out"
+                    raise self._refused(key, why, "key-of-another-kind")
             if self.ratio is not None and self.to.link is None:
                 raise self._refused("ratio", "needs a second joint; give to.link", "needs-another-key")
         elif self.to.link is None and self.to.point is None:
             raise missing("to.point", "give the point of frame 0 [m], or to.link")
         self._check_length()
         self._check_spring()
-
-    def _wrong(self, key: str, value: object, why: str) -> SceneError:
-        return SceneError(f"{key} = {truncated(value)}: {why}", id="key-of-another-kind")
 
     def _check_length(self) -> None:
         if not self.has_length:

@@ -28,7 +28,7 @@ from flexlink.dynamics.tangent import LoadedState, load_torque, stiffness_matrix
 from flexlink.dynamics.terms import elastic_torque
 from flexlink.dynamics.tied_motion import tie_forces
 from flexlink.dynamics.tied_tangent import tied_equilibrium, tied_state
-from flexlink.dynamics.ties import tie_rows
+from flexlink.dynamics.ties import Ties, tie_rows
 from flexlink.kernels.derivatives.static_continuation import follow_equilibria
 
 
@@ -126,8 +126,8 @@ def solve_static(
     free = unlocked(chain, locked)
     on_shapes(chain, "q", start - chain.rest)
     state = LoadedState(start, rates, wrench, follower, free)
-    if ties is not None and ties.ties:
-        return _tied(ties, chain, state, frame, drive)
+    if ties is not None and (rows := tie_rows(ties, chain)) is not None:
+        return _tied(ties, rows, chain, state, frame, drive)
     equations = equations_of(chain, state, drive)
     posture, path = at_rest(equations, tolerance)
     end = np.append(1.0, posture) if chain.shapes is None else path[-1]
@@ -139,11 +139,9 @@ def solve_static(
     )  # fmt: skip
 
 
-def _tied(scene: Scene, chain: Chain, state: LoadedState, frame: Frame, drive: Array) -> Equilibrium:
+def _tied(scene: Scene, rows: Ties, chain: Chain, state: LoadedState, frame: Frame, drive: Array) -> Equilibrium:
     """The `solve_static` of a chain with ties."""
     q, qd, wrench, follower, free = state
-    rows = tie_rows(scene, chain)
-    assert rows is not None
     locked = np.setdiff1d(np.arange(chain.n), free)
     q = tied_equilibrium(rows, chain, q, locked, wrench, frame, scene.initial.time, drive)
     tied = tied_state(scene, chain, state._replace(q=q), drive, moves=False)

@@ -93,7 +93,7 @@ def tied_state(
 
     A state with rates, and with `moves` ties that allow no motion, are refused; other errors as in `tie_rows`.
     """
-    ties = None if scene is None else tie_rows(scene, chain)
+    ties = tie_rows(scene, chain)
     if scene is None or ties is None:
         return None
     q, qd, wrench, follower, free = state
@@ -200,6 +200,8 @@ def tied_equilibrium(
         torque = load_torque(chain, q, still, wrench, follower) + elastic_torque(chain, q) + J.T @ λ - tau
         K = stiffness_matrix(chain, q, still, wrench, follower) + J.T @ (slopes[:, None] * J)
         K += np.tensordot(λ, bends(ties, chain, q), 1)
+        if not np.isfinite(K).all():
+            break
         reduced, border = B.T @ K @ B, J[exact] @ B
         r, f, least = len(border), len(reduced), _least(reduced, border)
         stable = least >= -1e-9 * np.abs(reduced).max(initial=0.0)

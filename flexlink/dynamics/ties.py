@@ -7,11 +7,13 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from flexlink.chain.arguments import require_type
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import open_chain
 from flexlink.chain.rigid import matrix_from_rpy_deg
-from flexlink.common.errors import Diagnostic, SceneError
+from flexlink.common.errors import ArgumentError, Diagnostic, SceneError
 from flexlink.common.types import Array, Indices
+from flexlink.common.wording import short_list, truncated
 from flexlink.describe.directions import unit
 from flexlink.describe.profiles import rest_to_rest
 from flexlink.describe.run_settings import AUTO
@@ -32,10 +34,13 @@ CLOSED = 1e-9
 PASSES = 50  # Newton steps to close the ties at the start
 
 
-def tie_rows(scene: Scene, chain: Chain) -> Ties | None:
+def tie_rows(scene: Scene | None, chain: Chain) -> Ties | None:
     """The rows of a scene's ties on its open chain, None without ties; refuses what ties do not allow."""
-    if not scene.ties:
+    if scene is None or not require_type("ties", scene, Scene).ties:
         return None
+    if (links := tuple(link.name for link in scene.arm.links)) != chain.link_names:
+        why = f"its links are {short_list(links)}; those of the chain are {short_list(chain.link_names)}"
+        raise ArgumentError(f"ties = {truncated(scene)}: {why}; give the scene of the chain", id="chains-differ")
     sampled, reference = scene.drive.rate is not None, scene.drive.reference
     for there, what in (
         (reference is not None and reference.follows == "tip", "drive.reference.follows = 'tip'"),

@@ -54,7 +54,7 @@ class PinocchioEngine(OtherProgram):
         self._parse(exported, xml_joint_names(chain), loaded_tip(chain).name)
         self.excess = excess_of(chain, lambda: read_urdf(exported))
         self.held, self._free = np.flatnonzero(chain.held), np.flatnonzero(~chain.held)
-        self.has_ties, rows = ties is not None, None if ties is None else tie_rows(ties, chain)
+        self.has_ties, rows = ties is not None, tie_rows(ties, chain)
         if rows is not None:
             (self.rows, self.lengths), names = rows, body_names(chain)
             self.ends = [[self._end(names, row, end) for end in "ab"] for row in self.rows]

@@ -25,7 +25,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import positive, require_bool, require_type, sequence, vector
+from flexlink.chain.arguments import positive, require_bool, require_type, state
 from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import Coordinate, unique
 from flexlink.chain.forces import refuse_states
@@ -237,10 +237,7 @@ def _tip(parent: ET.Element, own: ET.Element, tip: Tip, *, of_arm: bool) -> None
 
 
 def _keyframe(parent: ET.Element, chain: Chain, initial: tuple[ArrayLike, ArrayLike]) -> None:
-    state = sequence("initial", initial, "vector")
-    if len(state) != 2:
-        raise ArgumentError(f"initial has {len(state)} items: expected q and qd", id="wrong-shape")
-    q, qd = (vector(f"initial[{k}]", value, chain.n) for k, value in enumerate(state))
+    q, qd = state("initial", initial, chain.n)
     order, own = depth_first(chain), document.base_joints(chain)
     q, qd, place, rates = q[order], qd[order], q[:own], qd[:own]
     if own:  # position and quaternion; velocity in axes of frame 0 and spin in axes of the base
@@ -263,7 +260,7 @@ def _safe_step(chain: Chain, ties: Scene | None, initial: tuple[ArrayLike, Array
     from flexlink.dynamics.vibration.stability import stable_step  # noqa: PLC0415  only if no step is given
 
     q, gains = chain.slightly_bent, None
-    if ties is not None and ties.ties:
+    if ties is not None and require_type("ties", ties, Scene).ties:
         q = q if initial is None else np.asarray(initial[0])
         gains = spring_gains(ties, q)
     step = min(2e-3, stable_step(chain, q, gains=gains, method="RK4") / 2)

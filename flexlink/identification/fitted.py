@@ -10,6 +10,7 @@ from flexlink.common.errors import Diagnostic
 from flexlink.common.notebook import builder, html_table
 from flexlink.common.output import write_text
 from flexlink.common.types import Array
+from flexlink.common.wording import did_you_mean, short_list
 from flexlink.data.documents import in_json, require_path
 from flexlink.describe.scene import Scene
 from flexlink.identification.block import unit_in
@@ -250,7 +251,10 @@ class Fitted:
 
     def __getitem__(self, name: str) -> Estimate:
         """Estimate of a path or name."""
-        return next(one for one in self.numbers if name in (one.path, one.name))
+        known = {key: one for one in self.numbers for key in (one.path, one.name)}
+        if name not in known:
+            raise KeyError(f"no parameter {name!r}{did_you_mean(name, known)}; allowed are {short_list([*known])}")
+        return known[name]
 
     @property
     def verdict_columns(self) -> tuple[FittedColumn, ...]:

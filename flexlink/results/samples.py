@@ -16,7 +16,7 @@ from flexlink.chain.arguments import integer
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, Diagnostic
 from flexlink.common.types import Array
-from flexlink.common.wording import did_you_mean, plural
+from flexlink.common.wording import did_you_mean, plural, short_list
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
 from flexlink.dynamics.conserved import Energy, Momentum
@@ -371,7 +371,8 @@ class Columns(Mapping[str, Array]):
 
     def __getitem__(self, name: str) -> Array:
         if name not in self._sources:
-            raise KeyError(f"no column {name!r}{did_you_mean(name, self._sources)}")
+            known = did_you_mean(name, self._sources) or f"; allowed are {short_list([*self])}"
+            raise KeyError(f"no column {name!r}{known}")
         return self._sources[name](self._run)
 
     def __iter__(self) -> Iterator[str]:

@@ -202,7 +202,7 @@ def test_the_command_prints_the_ranking_and_reads_instruments(tmp_path, capsys) 
 def test_experiments_are_checked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert len(built_in().column) > 5
     assert main(["fit", str(ROOT / "models/fits/tapped.toml"), "--experiments", "mine.toml"]) == 2
-    reviewed("needs-another-argument", capsys.readouterr().err.strip())
+    reviewed("no-effect", capsys.readouterr().err.strip())
     with refused(SceneError, "wrong-value"):
         PriorExperiment(name="a", reason="b", paths="(", share=0.1)
     with refused(SceneError, "both-given"):

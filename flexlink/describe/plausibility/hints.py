@@ -1,13 +1,24 @@
 """hints(scene): reports numbers that were likely given in another unit, one line each."""
 
+import fnmatch
 import math
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 from flexlink.common.errors import Diagnostic
 from flexlink.common.memo import keep_last
+from flexlink.data.documents import paths_of
 from flexlink.describe.material import BREADTHS
 from flexlink.describe.plausibility import loads
-from flexlink.describe.plausibility.sizes import hint_if_outside, largest_dimension, of_materials, of_sections, shown
+from flexlink.describe.plausibility.sizes import (
+    hint_if_outside,
+    largest_dimension,
+    of_materials,
+    of_sections,
+    ranges,
+    shown,
+)
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
 
@@ -31,6 +42,7 @@ def _hints(scene: Scene) -> Iterator[Diagnostic]:
     causes += hint_if_outside("gravity", scene.gravity, "gravity_of_one" if g == 1.0 else "gravity", g)
     causes += [*loads.of_places(scene, about), *loads.of_masses(scene, about)]
     yield from causes
+    yield from of_numbers(scene)
     yield from loads.of_bodies(scene, about)
     yield from of_angles(scene)
     yield from of_times(scene, about)
@@ -39,12 +51,22 @@ def _hints(scene: Scene) -> Iterator[Diagnostic]:
         yield from list(loads.of_loads(scene, about)) or loads.of_joints(scene, about)
 
 
+def of_numbers(scene: Scene) -> Iterator[Diagnostic]:
+    """Hints on numbers that are implausible by themselves, at the `paths` of their quantity."""
+    document = scene.document()
+    named = {key: {part["name"]: part for part in document[key]} for key in ("link", "tie", "sensor")}
+    patterns = {pattern: name for name, known in ranges().items() for pattern in known.paths}
+    for path, value in paths_of(document | named):
+        for pattern, name in patterns.items():
+            if fnmatch.fnmatchcase(path, pattern) and np.any(value):
+                yield from hint_if_outside(path, value, name, float(np.abs(value).max()))
+
+
 def of_sensors(scene: Scene) -> Iterator[Diagnostic]:
-    """Hints on gauges far outside their link's section, on delays, and on resolutions of joint angles."""
+    """Hints on gauges far outside their link's section, on rates, and on resolutions of joint angles."""
     arm = scene.arm
     for sensor in scene.sensor:
         path = f"sensor.{sensor.name}"
-        yield from hint_if_outside(f"{path}.delay", sensor.delay, "delay", sensor.delay)
         if sensor.rate is not None and sensor.rate * scene.run.duration < 1:
             yield from hint_if_outside(f"{path}.rate", sensor.rate, "rate", sensor.rate)
         if sensor.resolution is not None and column_names((sensor,), arm) == (f"{sensor.name} [rad]",):
@@ -115,16 +137,12 @@ def _looks_like_radians(value: float, coarse: int = 90) -> bool:
 def of_times(scene: Scene, about: loads.Situation) -> Iterator[Diagnostic]:
     """Hints on tables much longer than the run, on late drives, and on tolerances large for the arm's reach."""
     run, reference = scene.run, scene.drive.reference
-    durations = {"run.duration": run.duration, "drive.reference.duration": (reference and reference.duration) or 0.0}
-    for path, duration in durations.items():
-        yield from hint_if_outside(path, duration, "duration", duration)
     tables = {"drive": scene.drive.times, "wrench": scene.wrench.times}
     tables |= {f"motion.{motion.link}": motion.times for motion in scene.motion}
     tables |= {} if reference is None else {"drive.reference": reference.times}
     for path, times in tables.items():
         if times and run.duration > 0 and times[-1] > 10.0:
             yield from hint_if_outside(f"{path}.times[{len(times) - 1}]", times[-1], "times", times[-1] / run.duration)
-    yield from hint_if_outside("drive.delay", scene.drive.delay, "delay", scene.drive.delay)
     if run.tolerance is not None and about.reach > 0:
         part = run.tolerance / about.reach
         yield from hint_if_outside("run.tolerance", run.tolerance, "tolerance", part, 1.0, f" {part:.2g}")

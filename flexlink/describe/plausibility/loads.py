@@ -68,9 +68,7 @@ def of_joints(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
         for axis, (stiffness, _) in link.root_springs.items():
             sag, key = about.pull * about.first_moment(k) / stiffness, f"{path}.root_stiffness.{axis}"
             yield from hint_if_outside(key, stiffness, "root_sag", sag, -1.0, f" {sag:.2g} rad")
-        if joint.slides:
-            yield from _of_travel(scene, k)
-        elif whole > 0:
+        if whole > 0 and not joint.slides:
             yield from hint_if_outside(f"{path}.joint.armature", joint.armature, "armature", joint.armature / whole)
         moved = about.mass(k) if joint.slides else about.first_moment(k)
         if (stiffness := joint.gear_stiffness or 0.0) and about.reach > 0:
@@ -80,23 +78,9 @@ def of_joints(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
         usual = 9.81 * moved + 100.0 * joint.armature  # with a rotor that accelerates by 100 rad/s²
         for key, row in torques if moved > 0 else ():
             yield from hint_if_outside(arm.path(k + 1, key), row[k], kind.load, abs(row[k]) / usual)
-    if drive.rate is not None:
-        yield from hint_if_outside("drive.rate", drive.rate, "rate", drive.rate)
     if drive.kind in {"computed_torque", "cascade"} and drive.kp:
         bandwidth = max(drive.kp) if drive.kind == "cascade" else math.sqrt(max(drive.kp))
         yield from hint_if_outside("drive.kp", drive.kp, "bandwidth", bandwidth, detail=f" {bandwidth:.3g} rad/s")
-
-
-def _of_travel(scene: Scene, k: int) -> Iterator[Diagnostic]:
-    """Hints on positions of a joint beyond 100 m, more than the travel of cranes."""
-    arm = scene.arm
-    limits, start = arm.links[k].joint.limits_m or (0.0,), scene.starts[k]
-    for key, value, far in (
-        (f"{arm.path(k + 1)}.joint.limits_m", limits, max(map(abs, limits))),
-        (arm.path(k + 1, "initial.joint_m"), start, abs(start)),
-    ):
-        if far > 100.0:
-            yield from hint_if_outside(key, value, "place", far)
 
 
 def of_loads(scene: Scene, about: Situation) -> Iterator[Diagnostic]:

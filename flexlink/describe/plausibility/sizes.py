@@ -11,7 +11,7 @@ from flexlink.describe.spec import Spec
 
 
 def of_materials(arm: Arm) -> Iterator[Diagnostic]:
-    """Hints on modulus, density and damping of materials, except if only products such as EI are meaningful."""
+    """Hints on modulus and density of materials, except if only products such as EI are meaningful."""
     heavy = 2500.0, 23000.0  # range of densities of metals, glass and stone, none of which is soft [kg/m³]
     for name, material in arm.materials.items():
         path, E, ρ = f"material.{name}", material.young, material.density
@@ -27,11 +27,6 @@ def of_materials(arm: Arm) -> Iterator[Diagnostic]:
             # faster than sound in any solid [m/s]; the speed of sound in diamond is 1.8e4 m/s
             elif dense and math.sqrt(E / ρ) > 2.5e4:
                 yield from hint_if_outside(f"{path}.density", ρ, "density_of_stiff", ρ)
-        yield from hint_if_outside(f"{path}.loss_time", material.loss_time, "loss_time", material.loss_time)
-    for k, link in enumerate(arm.links, 1):
-        if link.damping is not None:
-            ratio = link.damping.ratio
-            yield from hint_if_outside(f"{arm.path(k)}.damping.ratio", ratio, "damping_ratio", ratio)
 
 
 def _is_no_section(section: Section) -> bool:
@@ -116,6 +111,7 @@ class Range(Spec, frozen=True):
     usual: tuple[float, float]  # the value must be in it after the unit is corrected
     reason: str  # justification of the range
     mistaken: dict[str, float]  # conversion factor to SI of each unit that may have been used by mistake
+    paths: tuple[str, ...] = ()  # of numbers of a scene to which the range applies directly
     of: str = ""  # quantity and unit that the range applies to, if this is not the given number itself
     inverse: str = ""  # if it may have been given: both names, such as 'a sampling period in s, the rate'
     remedy: str = "check its unit"  # end of the hint if no unit fits

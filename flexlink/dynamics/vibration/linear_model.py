@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import integer, positive
+from flexlink.chain.arguments import integer, positive, real_array
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, imported
 from flexlink.common.types import Array, Complex
@@ -85,7 +85,7 @@ class LinearModel(SavedResult):
         >>> print(H.shape)
         (3, 2, 2)
         """
-        f = np.atleast_1d(np.asarray(hertz, np.float64))
+        f = real_array("hertz", hertz, (-1,))
         if f.ndim != 1 or not (np.isfinite(f).all() and (f >= 0).all()):
             why = f"hertz = {truncated(hertz)}: expected finite frequencies >= 0, shape (k,)"
             raise ArgumentError(why, id="wrong-value")

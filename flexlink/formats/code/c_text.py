@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from flexlink.chain.arguments import require_bool
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.dynamics.free_motion import input_names, state_names
@@ -63,10 +64,10 @@ def to_c(chain: Chain, *, slopes: bool = False, step: bool = False) -> str:
     model, name = model_of(chain), name_of(chain)
     rate = function(model, f"{name}_rate", "xu", {"dx": model.rate})
     parts = [head(model), rate, function(model, f"{name}_tip", "x", {"tip": model.tip})]
-    if slopes:
+    if require_bool("slopes", slopes):
         by_x, by_u = ([*itertools.chain.from_iterable(zip(*by, strict=True))] for by in slopes_of(model))  # row by row
         parts.append(in_blocks(model, f"{name}_slopes", {"A": by_x, "B": by_u}))
-    if step:
+    if require_bool("step", step):
         parts.append(step_function(model))
     return "\n\n".join([*parts, _test(model, name)]) + "\n"
 

@@ -24,7 +24,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlink.chain.arguments import integer, positive, require_type, vector
+from flexlink.chain.arguments import integer, positive, require_bool, state
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import MissingDependencyError
 from flexlink.common.types import Array
@@ -77,13 +77,13 @@ def to_fmu(
     b'PK'
     """
     fmi = integer("fmi", fmi, least=2, most=3)
-    model, name = model_of(require_type("chain", chain, Chain), extra=True), name_of(chain)
+    model, name = model_of(chain, extra=True), name_of(chain)
     known = np.concatenate([np.zeros(len(chain.active) + 6), chain.gravity, [0.0, 1.0, 1.0]])
-    q, qd = (vector(which, value, chain.n) for which, value in zip(("initial q", "initial qd"), initial, strict=True))
+    q, qd = state("initial", initial, chain.n)
     rest, back = (0.0, np.eye(chain.n)) if chain.shapes is None else (chain.rest, chain.shapes.inverse.T)
     x, step = np.append(back @ (q - rest), back @ qd), positive("sample", sample) / 10
     source, token = _source(model, fmi, x, known, step)
-    experiment = {"startTime": "0.0", "stopTime": repr(float(duration)), "stepSize": repr(float(sample))}
+    experiment = {"startTime": "0.0", "stopTime": repr(positive("duration", duration)), "stepSize": repr(float(sample))}
     described = _description(chain, fmi, token, _variables(model, x, known, step), experiment)
     files = {"modelDescription.xml": described, f"sources/{name}.c": source.encode()}
     if fmi == 3:
@@ -91,7 +91,7 @@ def to_fmu(
             f'<fmiBuildDescription fmiVersion="3.0"><BuildConfiguration modelIdentifier="{name}"><SourceFileSet '
             f'language="C99"><SourceFile name="{name}.c"/></SourceFileSet></BuildConfiguration></fmiBuildDescription>'
         ).encode()
-    return _archive(files | (_library(source, name, fmi) if binary else {}))
+    return _archive(files | (_library(source, name, fmi) if require_bool("binary", binary) else {}))
 
 
 def _source(model: Model, fmi: int, x: Array, u: Array, step: float) -> tuple[str, str]:

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.chain.arguments import require_type
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array, Indices
 from flexlink.dynamics.accelerations import forward_dynamics as by_solver
@@ -72,7 +73,7 @@ def extra_inputs() -> dict[str, str]:
 
 def model_of(chain: Chain, *, extra: bool = False) -> Model:
     """Equations of motion of a chain, on request with the `extra_inputs`."""
-    tape, m, joints = Tape(), chain.freedoms, first_joints(chain, np.arange(chain.n))
+    tape, m, joints = Tape(), require_type("chain", chain, Chain).freedoms, first_joints(chain, np.arange(chain.n))
     x, u = [tape.input() for _ in range(2 * m)], [tape.input() for _ in chain.active]
     q, qd, tau, qdd = _state(chain, x, u)
     more = [tape.input() for _ in extra_inputs() if extra]
