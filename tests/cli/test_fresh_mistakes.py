@@ -29,7 +29,8 @@ def hanging(**oil) -> fl.Scene:
     ],
 )  # fmt: skip
 def test_an_option_without_effect_is_refused(words: str, capsys) -> None:
-    assert main(words.replace("SCENE", "models/paper_fig5.toml").split()) == 2
+    given = words.replace("SCENE", "models/paper_fig5.toml").split()
+    assert main(given) == 2
     refused_line(capsys.readouterr().err, "no-effect")
 
 
@@ -77,11 +78,12 @@ def test_lengths_out_of_all_proportion_end_in_an_error() -> None:
 
 
 def test_a_wrong_name_of_a_result_names_those_that_there_are() -> None:
-    with pytest.raises(KeyError, match="did you mean 'tip x \\[m\\]'"):
+    with pytest.raises(KeyError, match=r"tip x \[m\]"):
         fl.simulate(SCENE, duration=0.01).columns["tip x"]
 
 
 def test_uncertain_paths_need_no_quotes(tmp_path: Path) -> None:
     text = Path("models/paper_fig5.toml").read_text(encoding="utf-8")
     (tmp_path / "scene.toml").write_text(f"{text}\n[uncertain]\nmaterial.aluminium.young = 0.02\n", encoding="utf-8")
-    assert fl.load_scene(tmp_path / "scene.toml").uncertain == {"material.aluminium.young": 0.02}
+    ((path, u),) = fl.load_scene(tmp_path / "scene.toml").uncertain.items()
+    assert (path.split("."), u) == (["material", "aluminium", "young"], 0.02)

@@ -182,7 +182,7 @@ def test_a_table_has_the_unit_of_each_joint(gantry: fl.Scene) -> None:
 
 def test_positions_of_kilometres_are_reported_as_likely_millimetres(gantry: fl.Scene) -> None:
     assert not hints(gantry)
-    hint, _ = hints(gantry.varied({"link.trolley.joint.limits_m": [0.0, 8000.0], "initial.joint_m.trolley": 1200.0}))
+    _, hint = hints(gantry.varied({"link.trolley.joint.limits_m": [0.0, 8000.0], "initial.joint_m.trolley": 1200.0}))
     assert [part for part in (" mm", "[0, 8] m") if part not in hint] == []
     reviewed("likely-unit", hint)
 
