@@ -67,7 +67,8 @@ def intervals(scene: Scene, predict: Callable[[Scene], Array]) -> Intervals:
     """Intervals of predictions; an error if no input is uncertain, or a varied scene has none."""
     inputs = inputs_of(scene, FIELDS)
     if not inputs:
-        raise ArgumentError('uncertain: no input; name one, such as "material.steel.young" = 0.02', id="missing-key")
+        why = "no input, and no clamp at a joint with inertia"
+        raise ArgumentError(f'uncertain: {why}; name one, such as "material.steel.young" = 0.02', id="missing-key")
     nominal = predict(scene)
 
     def of(changes: dict[str, object]) -> Array:
