@@ -180,7 +180,7 @@ def _readme(study: Results, report: StudyReport, folder: Path) -> str:
         paper=contents().paper,
         compared=verdict.compared(study),
         facts=verdict.numbers_that_matter(study, contents().number),
-        scenes=(folder / "scenes.csv").exists(),
+        scenes=(folder / csv("scenes")).exists(),
         given_up=given_up(study),
         failed=[row for row in study.rows if row.state == "FAIL"],
         slow=_by_reason([row for row in study.rows if row.state == "missed"]),
@@ -210,8 +210,9 @@ def _by_reason(rows: Sequence[JudgedRow]) -> list[Missed]:
 
 def _excess(row: JudgedRow) -> float:
     """How many times a value is beyond its limit."""
-    value, most = row.value or math.inf, row.tolerance or math.inf
-    return most / value if row.bound == "at least" else value / most
+    if not row.value or not row.tolerance:
+        return math.inf
+    return row.tolerance / row.value if row.bound == "at least" else row.value / row.tolerance
 
 
 def _demand_small(folder: Path) -> None:

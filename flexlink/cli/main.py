@@ -251,13 +251,16 @@ def _add_arguments(command: argparse.ArgumentParser, name: str, words: Mapping[s
 
 
 @functools.cache
-def _arguments_of(name: str) -> dict[str, dict[str, Any]]:
-    """The arguments of a command, by name."""
+def _arguments() -> dict[str, dict[str, dict[str, Any]]]:
     import tomllib  # noqa: PLC0415  not needed for help
 
+    return tomllib.loads(Path(__file__).with_name("options.toml").read_text(encoding="utf-8"))
+
+
+def _arguments_of(name: str) -> dict[str, dict[str, Any]]:
+    """The arguments of a command, by name."""
     found: dict[str, dict[str, Any]] = {}
-    tables = tomllib.loads(Path(__file__).with_name("options.toml").read_text(encoding="utf-8"))
-    for commands, table in tables.items():
+    for commands, table in _arguments().items():
         found |= table if {name, "*"} & {*commands.split()} else {}
     return found
 

@@ -135,7 +135,7 @@ def about(chain: Chain, q: Array) -> Chain:
         return straight
     blocks, triples, values = excess_stiffness(chain.bodies, chain.hinges, chain.couplings, q)
     rows, columns = triples[blocks[:, 0], :, None], triples[blocks[:, 1], None, :]
-    return _stiffened(straight, rows + 0 * columns, columns + 0 * rows, values)
+    return _stiffened(straight, rows + 0 * columns, columns + 0 * rows, values)  # 0 × the other: broadcast
 
 
 def linearised(chain: Chain, q: Array) -> Chain:

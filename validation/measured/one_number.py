@@ -130,7 +130,9 @@ def fit_one_number(
     known: dict[float, Array] = {}
 
     def residuals(x: Array) -> Array:
-        return known.setdefault(float(x[0]), _array(errors(float(x[0])), fitted) / u)
+        if (at := float(x[0])) not in known:
+            known[at] = _array(errors(at), fitted) / u
+        return known[at]
 
     def secant(x: Array) -> Array:
         """Slope through the nearest point that is already computed; at the start through one at the distance STEP."""
