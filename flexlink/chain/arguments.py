@@ -1,7 +1,9 @@
 """Checks of arguments of public functions. Messages contain the name, the value and what is expected."""
 
 import sys
+import tomllib
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -70,15 +72,8 @@ def require_type(name: str, value: object, kind: type[T]) -> T:
     """Return `value` if it is a `kind`, or refuse it; its message shows how to convert it, if known."""
     if not isinstance(value, kind):
         given = type(value).__name__
-        conversions = {
-            ("Scene", "Chain"): "fl.lump(scene)", ("Trajectory", "Chain"): "run.chain",
-            ("ndarray", "Chain"): "the chain as first argument", ("Arm", "Scene"): "fl.Scene(arm=arm, …)",
-            ("Chain", "Scene"): "the scene of the chain", ("str", "Scene"): "fl.load_scene(path)",
-            ("PosixPath", "Scene"): "fl.load_scene(path)", ("str", "FitProblem"): "fl.fits.FitProblem.load(path)",
-            ("PosixPath", "FitProblem"): "fl.fits.FitProblem.load(path)",
-            ("Scene", "FitProblem"): "fl.fits.FitProblem(scene=scene, …)",
-        }  # fmt: skip
-        remedy = conversions.get((given, kind.__name__), "")
+        known = tomllib.loads(Path(__file__).with_name("conversions.toml").read_text(encoding="utf-8"))
+        remedy = known.get(kind.__name__, {}).get(given, "")
         text = f"expected a {kind.__name__}, got {given}{'; use ' if remedy else ''}{remedy}"
         raise ArgumentError(f"{name} = {truncated(value)}: {text}", id="wrong-type")
     return value

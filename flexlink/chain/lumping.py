@@ -254,8 +254,8 @@ def _beam_of(arm: Arm, link: Link) -> SectionBeam | TableBeam | None:
 
 
 def _check_finite(name: str, array: Records) -> None:
-    finite = np.isfinite(array.view(np.float64))  # integers viewed as float64 are finite; only limits may be infinite
-    limits = [field for field in array.dtype.names or () if field in {"lower", "upper"}]
+    finite = np.isfinite(array.view(np.float64))  # all fields at once: the small integers count as finite
+    limits = [field for field in array.dtype.names or () if field in {"lower", "upper"}]  # ±inf means no limit
     if np.count_nonzero(finite) == finite.size - sum(np.count_nonzero(~np.isfinite(array[name])) for name in limits):
         return
     for field in array.dtype.names or ():

@@ -86,9 +86,9 @@ def on_elastic_gears(arrays: ChainArrays) -> Indices:
     found = np.flatnonzero(sprung & (inner["axis"] == outer["axis"]) & (inner["axis"] < SLIDES))
     if not len(found):
         return found
-    apart = bodies["translation"].any(axis=1) | (bodies["turned"] != 0) | (bodies["begins"] != 0)
-    here, there = np.searchsorted(bodies["stop"], [found, found + 1], side="right")
-    return np.asarray(found[(here == there) | ~apart[there]])
+    moved = bodies["translation"].any(axis=1) | (bodies["turned"] != 0) | (bodies["begins"] != 0)  # from its parent
+    rotor, spring = np.searchsorted(bodies["stop"], [found, found + 1], side="right")  # indices of their bodies
+    return np.asarray(found[(rotor == spring) | ~moved[spring]])
 
 
 def turning_radii(arrays: ChainArrays, free: Indices, motors: Indices, size: float, placed: KinematicsWork) -> Array:

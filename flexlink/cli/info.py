@@ -20,6 +20,7 @@ from flexlink.chain.coordinates import SPRINGS, Kind
 from flexlink.chain.lumping import lump, open_chain
 from flexlink.cli.modes import as_document, elastic_hertz, first_elastic, print_modes
 from flexlink.cli.shared import prefix_errors, print_notes, varied_scene, with_ids
+from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array, Complex
 from flexlink.common.wording import plural, short_list
 from flexlink.describe import data_files
@@ -43,7 +44,11 @@ def run_command(options: argparse.Namespace) -> int:
     with prefix_errors(options.scene):
         about, found = _examined(scene, options.json)
         if options.run is not None:
-            about["run"] = str(Trajectory.load(options.run))
+            run = Trajectory.load(options.run)
+            about["run"] = str(run)
+            if run.scene is not None and run.scene.arm != scene.arm:
+                text = f"--run {options.run}: of another arm, in scene {run.scene.name!r}; give its own scene and --set"
+                raise ArgumentError(text, id="chains-differ")
         options.document = about
         _show(about)
         if found is not None:

@@ -27,7 +27,7 @@ def require_path(name: str, value: object) -> Path:
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Parse a TOML file; error messages have one line."""
+    """Parse a TOML file; any other file (XML, CSV, Python, not UTF-8) is refused in one line that names its kind."""
     data = read_regular(path, largest=1_000_000, error=SceneError)
     try:
         text = data.decode("utf-8-sig")  # some editors write a byte order mark

@@ -4,8 +4,8 @@
     absolute            x = x₀ + u z, for x₀ = 0; u |z| if the value cannot be negative
     clamp of a beam     k = EI / (u |z| L), springs at its root
 
-A clamp without springs is uncertain by default, by that of the wing spar of `validation/measured`, 401 N m/rad, which
-lowers its first frequency by 4 %.
+A clamp without springs has a default uncertainty, that of a measured wing spar (`validation/measured`): its clamp has
+401 N m/rad, which lowers its first frequency by 4 %.
 """
 
 import contextlib

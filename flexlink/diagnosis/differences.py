@@ -95,24 +95,23 @@ def _shared(read: ReadBack, field: str) -> Array:
 
 
 def _numbers(ours: ReadBack, theirs: ReadBack, format: str) -> list[Finding]:
+    """One finding per cause of different numbers: displaced axes, then fields, then digits lost in the file."""
     units, everything = tuple(table().length_units), _differing(ours, theirs)
     realigned, displacements, displaced = undo_displacements(ours, theirs, PLACED, units)
-    fields, last = _differing(ours, realigned), list[Finding]()
+    fields, rounded = _differing(ours, realigned), list[Finding]()
     several = len(displacements) + len(fields) > 1
     if several and all(fewer_digits(diff) for diff in everything.values()):
         return [_fewer_digits(everything, theirs)]
-    if several and (lost := lost_digits(everything)):
+    if several and (lost := lost_digits(everything)):  # corrected first, so that only larger mistakes remain to explain
         theirs, faulty = with_entries(theirs, ours, lost), with_entries(ours, theirs, lost)
         realigned, displacements, displaced = undo_displacements(ours, theirs, LOST, units)
-        more = lost_digits(_differing(ours, realigned))
-        last = [_fewer_digits(lost | more, with_entries(faulty, realigned, more))]
+        more = lost_digits(_differing(ours, realigned))  # hidden before by the displaced axes
+        rounded = [_fewer_digits(lost | more, with_entries(faulty, realigned, more))]
         fields = _differing(ours, with_entries(realigned, ours, more))
-    findings = [
-        *_displacements(realigned, displacements, displaced, theirs, format),
-        *(_explained(field, diff, format) for field, diff in fields.items()),
-    ]
+    findings = [*_displacements(realigned, displacements, displaced, theirs, format)]
+    findings += [_explained(field, diff, format) for field, diff in fields.items()]
     same_cause = itertools.groupby(findings, key=lambda finding: (finding.likely, finding.remedy))
-    return [*(_joined(ours, list(group)) for _, group in same_cause), *last]
+    return [*(_joined(ours, list(group)) for _, group in same_cause), *rounded]
 
 
 def _fewer_digits(differing: Mapping[str, Discrepancy], faulty: ReadBack) -> Finding:

@@ -26,7 +26,7 @@ from flexlink.dynamics.load_path import Equations, LostError, equations_of, foll
 from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.tangent import LoadedState, load_torque, stiffness_matrix, unlocked
 from flexlink.dynamics.terms import elastic_torque
-from flexlink.dynamics.tied_motion import tie_forces
+from flexlink.dynamics.tied_motion import ByTie, tie_forces
 from flexlink.dynamics.tied_tangent import tied_equilibrium, tied_state
 from flexlink.dynamics.ties import Ties, tie_rows
 from flexlink.kernels.derivatives.static_continuation import follow_equilibria
@@ -50,10 +50,10 @@ class Equilibrium(SavedResult):
     tie_values: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
 
     @property
-    def tie_forces(self) -> dict[str, Array]:
+    def tie_forces(self) -> ByTie:
         """Forces of ties by name [N, N m], with the signs of `Trajectory.tie_forces`: a number, or shape (3,)."""
         names = np.array(self.tie_names)
-        return {name: self.tie_values[names == name].squeeze() for name in dict.fromkeys(self.tie_names)}
+        return ByTie((name, self.tie_values[names == name].squeeze()) for name in dict.fromkeys(self.tie_names))
 
     def __repr__(self) -> str:
         turned, slid = (np.abs(self.q[which]).max(initial=0.0) for which in (~self.slides, self.slides))

@@ -122,7 +122,7 @@ def _is_bomb(unfolded: int, size: int) -> bool:
 
 
 def _array(archive: zipfile.ZipFile, part: zipfile.ZipInfo) -> np.ndarray[Any, Any]:
-    """Read one array; its checksum is compared only when its last byte is read."""
+    """Read one array, and 1 byte more: `zipfile` compares the checksum only at the end of the data."""
     with archive.open(part) as stream:
         array: np.ndarray[Any, Any] = np.lib.format.read_array(stream, allow_pickle=False)
         if stream.read(1) or array.size > part.file_size:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from flexlink.chain.arguments import require_one_of
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array, Indices
 from flexlink.describe.scene import Scene
@@ -78,15 +79,22 @@ def _on_bodies(rows: Rows, chain: Chain, q: Array, λ: Array) -> tuple[Array, Ar
     return force[:-1], moment[:-1]
 
 
-def tie_forces(scene: Scene, ties: Ties, λ: Array) -> dict[str, Array]:
+class ByTie(dict[str, Array]):
+    """Results by the name of a tie; another name raises an ArgumentError."""
+
+    def __missing__(self, name: str) -> Array:
+        return require_one_of("tie", name, self, "the scene has no such tie")
+
+
+def tie_forces(scene: Scene, ties: Ties, λ: Array) -> ByTie:
     """Force of each tie by its name, from the multipliers (samples, r) of all rows, as in `Trajectory.tie_forces`."""
-    return {
-        tie.name: -λ[:, own] @ ties[0]["along"][own] if number_of_rows(tie) > 1 else λ[:, own.start]
+    return ByTie(
+        (tie.name, -λ[:, own] @ ties[0]["along"][own] if number_of_rows(tie) > 1 else λ[:, own.start])
         for tie, own in rows_by_tie(scene.ties)
-    }
+    )
 
 
-def pressures(scene: Scene, ties: Ties, chain: Chain, t: Array, q: Array) -> dict[str, Array]:
+def pressures(scene: Scene, ties: Ties, chain: Chain, t: Array, q: Array) -> ByTie:
     """Pressures (samples, 2) [Pa] of each cylinder by its name, at times t and angles q (samples, n)."""
     (rows, lengths), found = ties, {}
     g = np.array([gaps(ties, chain, *state)[0] for state in zip(q, t.tolist(), strict=True)])
@@ -97,7 +105,7 @@ def pressures(scene: Scene, ties: Ties, chain: Chain, t: Array, q: Array) -> dic
         if tie.kind == "cylinder":
             k, found[tie.name] = own.start, np.zeros((len(t), 2))
             oil_pressures(rows[k], moved[:, 0, k].copy(), g[:, k].copy(), found[tie.name])
-    return {name: read_only(p) for name, p in found.items()}
+    return ByTie((name, read_only(p)) for name, p in found.items())
 
 
 def rods_of(scene: Scene, chain: Chain) -> tuple[Indices, Array]:

@@ -30,7 +30,7 @@ def with_drive(read: ReadBack, scene: Scene | None, chain: Chain) -> ReadBack:
 
 
 def _drive_range(scene: Scene, chain: Chain) -> Array:
-    """Smallest and largest commanded torque of every driven joint; unbounded for controllers and smooth tables."""
+    """Smallest and largest commanded torque, or 0, of all driven joints; ±inf for controllers and smooth tables."""
     drive = scene.drive
     rows = drive.torques or ((drive.torque,) if drive.torque else ())
     if not rows or drive.smooth or drive.controls:

@@ -241,7 +241,7 @@ def outliers_in(t: Array, y: Array, predicted: Array) -> npt.NDArray[np.bool_]:
 
 
 def _spikes(y: Array) -> npt.NDArray[np.bool_]:
-    """Samples off a cubic through the two on either side; the largest are removed first, since they move the others.
+    """Whether each sample is far from the cubic through 4 neighbours; the farthest are corrected first, round by round.
 
     Distances are compared with the median distance nearby, and in the whole column.
     """

@@ -105,12 +105,12 @@ def operation_costs(chain: Chain, *, explicit: bool, drive: Drive | None = None)
     has = "plain" if chain.arrays.rare is None else "full"
     costs = listed("plane" if chain.is_planar else "space", has, "explicit" if explicit else "implicit")
     parts = parts_of(chain, drive)
-    counted = [True] * 9
+    driven = [True] * 9  # for each operation, whether it includes the costs of driven joints
     if drive is not None:
         limited = min(drive.effort.tolist(), default=np.inf) < np.inf and not drive.rate
-        counted = [not drive.rate, limited, drive.rate > 0, *[False] * 6]
-    all_parts = [*parts[:7].tolist(), 0.0, 0.0], parts.tolist()
-    found = [1e-6 * sum(map(operator.mul, row, all_parts[a])) for row, a in zip(costs, counted, strict=True)]
+        driven = [not drive.rate, limited, drive.rate > 0, *[False] * 6]
+    by_driven = [*parts[:7].tolist(), 0.0, 0.0], parts.tolist()  # without and with these costs
+    found = [1e-6 * sum(map(operator.mul, row, by_driven[d])) for row, d in zip(costs, driven, strict=True)]
     if explicit and chain.shapes is not None:
         found[0] += PER_HINGE_AND_SHAPE * chain.n * (1 + chain.freedoms)
     return found

@@ -45,8 +45,8 @@ FAULTS = {
 class Monitor:
     """Checks each sample of a run against earlier ones only, so results do not depend on the length of chunks."""
 
-    before: StatedError | None  # of the run that this one continues
-    stated: StatedError | None  # of this run, once it has ended
+    before: StatedError | None  # estimated error of the run that this one continues
+    stated: StatedError | None  # estimated error of this run, once it has ended
 
     def __init__(self, record: Record, warnings: tuple[Diagnostic, ...] = (), control: Control | None = None) -> None:
         chain, run = record.chain, record.run

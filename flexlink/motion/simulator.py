@@ -165,7 +165,7 @@ class Simulator:
 
     @property
     def state(self) -> State:
-        """Time [s], angles [rad] and rates [rad/s], shape (n,); copies."""
+        """Copy of the present time [s], angles [rad] and rates [rad/s], shape (n,); sliding joints in m and m/s."""
         q, qd, *_ = self._steps.state
         if self._record.base is not None:
             return State(self._time, *self._record.base.relative_to_start(q, qd))

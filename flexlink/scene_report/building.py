@@ -3,6 +3,7 @@
 import dataclasses
 import importlib
 import time
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,21 +18,7 @@ from flexlink.pages.style import RC
 from flexlink.pages.verdict import Chapter, Fact, Report, Verdict
 from flexlink.scene_report.study import Study
 
-CHAPTERS = {
-    "model": ("Model", "Model"),
-    "statics": ("Static deflection", "Statics"),
-    "vibration": ("Vibration modes", "Modes"),
-    "loads": ("Loads and drive torques", "Loads"),
-    "motion": ("Motion", "Motion"),
-    "settling": ("Settling", "Settling"),
-    "uncertainty": ("Uncertain inputs", "Uncertainty"),
-    "theirs": ("Comparison with another file", "Other file"),
-    "measurements": ("Comparison with measurements", "Measurements"),
-    "agreement": ("Agreement with other engines", "Agreement"),
-    "energy": ("Energy balance", "Energy"),
-    "accuracy": ("Accuracy and cost", "Accuracy and cost"),
-    "reproduce": ("How to reproduce", "Reproduce"),
-}
+CHAPTERS = tomllib.loads((Path(__file__).parent / "parts" / "chapters.toml").read_text(encoding="utf-8"))
 """Modules of `flexlink.scene_report.parts` in page order, each with its heading and name in the table of contents."""
 
 

@@ -180,11 +180,11 @@ class Execution:
 
     def __init__(self, plan: Plan, pool: WorkerPool, stop: Stop) -> None:
         self.plan, self.pool, self.stop = plan, pool, stop
-        self.question = msgspec.json.encode(plan.sweep), version()
-        self.running: dict[Task, Numbers] = {}
-        self.suspects: deque[Numbers] = deque()
-        self.deaths: Counter[int] = Counter()
-        self.size = Block.lanes
+        self.question = msgspec.json.encode(plan.sweep), version()  # sent to the workers with every task
+        self.running: dict[Task, Numbers] = {}  # numbers of the members of each task
+        self.suspects: deque[Numbers] = deque()  # tasks to repeat one at a time, since one member may crash a worker
+        self.deaths: Counter[int] = Counter()  # crashed workers by the number of the member
+        self.size = Block.lanes  # number of members of the next task
 
     def rows(self, missing: Iterator[int]) -> Iterator[Rows]:
         """Rows of the missing members, task by task, in the order of completion."""

@@ -82,6 +82,18 @@ def test_a_wrong_name_of_a_result_names_those_that_there_are() -> None:
         fl.simulate(SCENE, duration=0.01).columns["tip x"]
 
 
+def test_a_wrong_name_of_a_tie_names_those_that_there_are() -> None:
+    for result in (fl.solve_static(fl.lump(SCENE), ties=hanging()).tie_forces, fl.simulate(hanging()).pressures):
+        with refused(fl.errors.ArgumentError, "unknown-name"):
+            result["rm"]
+
+
+def test_info_refuses_a_run_of_another_arm(tmp_path: Path, capsys) -> None:
+    run = fl.simulate(fl.load_scene("models/two_mass_joint.toml"), duration=0.01).save(tmp_path / "run.npz")
+    assert main(["info", "models/paper_fig5.toml", "--run", str(run)]) == 2
+    refused_line(capsys.readouterr().err.replace(str(run), "run.npz"), "chains-differ")
+
+
 def test_uncertain_paths_need_no_quotes(tmp_path: Path) -> None:
     text = Path("models/paper_fig5.toml").read_text(encoding="utf-8")
     (tmp_path / "scene.toml").write_text(f"{text}\n[uncertain]\nmaterial.aluminium.young = 0.02\n", encoding="utf-8")

@@ -59,6 +59,8 @@ PLANTED: list[tuple[dict[str, Any], str, str]] = [
     ({"section.tube": {"shape": "tube", "outer": 3.0, "inner": 2.8}}, "section.tube.outer", "mm"),
     ({"section.profile.area": 1800.0}, "section.profile.area", "mm²"),
     ({"section.profile.i_y": 3e6}, "section.profile.i_y", "mm⁴"),
+    ({"link.boom.curvature": 30.0}, "link.boom.curvature", "°/m"),
+    ({"link.boom.twist": 90.0}, "link.boom.twist", "°/m"),
     ({"gravity": [0.0, 0.0, -9810.0]}, "gravity", "mm/s²"),
     ({"gravity": [0.0, 0.0, -1.0]}, "gravity", "g"),
     ({"sensor.gauge.fibre": [60.0, 0.0]}, "sensor.gauge.fibre", "mm"),

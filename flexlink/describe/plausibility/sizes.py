@@ -54,6 +54,10 @@ def of_sections(arm: Arm) -> Iterator[Diagnostic]:
         L = link.beam.length
         long = list(hint_if_outside(f"{arm.path(k)}.length", L, "length", L)) if L else []
         yield from long
+        for key in ("curvature", "twist"):
+            for rate in given if isinstance(given := getattr(link, key), tuple) else (given,):
+                if isinstance(rate, int | float):
+                    yield from hint_if_outside(f"{arm.path(k)}.{key}", rate, "turned", abs(rate) * L)
         if link.section is None or link.flex == "rigid" or link.section in mistaken or long:
             continue
         section = arm.sections[link.section]

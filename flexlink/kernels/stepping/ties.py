@@ -72,6 +72,7 @@ CLOSED = 1e-14
 """Largest |g| of a closed row, relative to the size of the arm."""
 OPEN = 1e-10
 """Largest |g| after a step, relative to the size; a step that leaves more is refused: its posture is singular."""
+OTHERS = 1e-3  # weight of the pivot of a row that had no part in the last system
 TIMES = 8  # corrections of q after a step; one is enough if the step is accurate
 
 
@@ -178,7 +179,8 @@ def choose_laws(t, q, qd, work):
 def begin_ties(t, h, state, middle, work):
     """Find the laws at the start of the step, and J in its middle.
 
-    The stages begin with extrapolated multipliers; those of redundant rows, which nothing corrects, stay as they are.
+    The stages begin with extrapolated multipliers; those of redundant rows, which nothing corrects, keep the value at
+    the end of the last step: extrapolated from step to step, they would grow against those of the rows in their place.
     """
     ties, first = work.ties, work.stepper[STEPPER.last_step] == 0.0
     choose_laws(t, state[0], state[1], work)
@@ -188,7 +190,7 @@ def begin_ties(t, h, state, middle, work):
             if first or ties.law[k] == LAW.free:
                 ties.λ[i, k] = 0.0
             elif redundant:
-                ties.λ[i, k] = ties.last[i, k]
+                ties.λ[i, k] = ties.last[len(ties.λ) - 1, k]
     find_at(t + 0.5 * h, middle, ties.gap[0], ties, work.chain)
     keep_slopes(ties)
 
@@ -280,13 +282,14 @@ def acts(k, held, ties):
 def invert(z, held, answers, m, ties):
     """Write C, and G with μ = G b for (S + C) μ = b; its rows and columns are 0 for redundant rows, and without a part.
 
-    Elimination with the largest pivot first; a row whose pivot is a rounding error depends on those before it. The row
-    of a spring is scaled to the pivot of a held row, since a soft spring would make held rows look redundant.
+    Elimination with the largest pivot first; a row whose pivot is a rounding error depends on those before it. Rows
+    that had a part in the last system come first, so that of rows that depend on each other the same stay redundant.
+    The row of a spring is scaled to the pivot of a held row, since a soft spring would make held rows look redundant.
     """
     S, C, G, weight = answers.S[m], answers.C[m], answers.G[m], answers.μ
     used, r, first = ties.used, len(ties.rows), 0.0
-    used[:] = 0.0
     for k in range(r):
+        used[k] = -OTHERS if used[k] == 0.0 else -1.0  # until the row is used: the weight of its pivot
         C[k] = 0.0 * z
         if ties.law[k] >= LAW.spring and not held:
             C[k] = 1.0 / (z * (ties.slope[0, k] * z + ties.slope[1, k]))
@@ -298,11 +301,12 @@ def invert(z, held, answers, m, ties):
     for _ in range(r):
         p = -1
         for k in range(r):
-            if used[k] == 0.0 and (p < 0 or abs(G[k, k]) > abs(G[p, p])):
+            if used[k] < 0.0 and (p < 0 or used[k] * abs(G[k, k]) < used[p] * abs(G[p, p])):
                 p = k
         first = max(first, abs(G[p, p]))
         if abs(G[p, p]) <= REDUNDANT * first:
-            break
+            used[p] = 0.0
+            continue
         used[p], pivot = 1.0, 1.0 / G[p, p]
         G[p, p] = 1.0 + 0.0 * z
         for l in range(r):
