@@ -22,7 +22,7 @@ from flexlink.pages.colours import CYCLE, GREY, INK, PAPER
 from flexlink.pages.numbers import amount
 from flexlink.pages.page import template
 from flexlink.pages.tables import table_csv
-from reports import verdict
+from reports import appendix, verdict
 from reports.build import StudyReport, environment_rows, given_up, write
 from reports.chapters import contents
 from reports.results import Results
@@ -42,13 +42,14 @@ from reports.stored_full import (
     since,
 )
 from reports.tables import limit, meanings, rows_csv
+from reports.verdict import Fact
 from validation.judgement import JudgedRow, crowd, quiet
 
 HERE = Path(__file__).parent
 MOST = 10_000_000  # bytes: limit for generated files in the repository
 LARGE = 100_000  # bytes: larger tables are compressed
 COLOURS = 96  # number of most frequent colours in a picture's palette, which reduces its size to a third
-WRITTEN = ("README.md", "*.csv", "*.csv.gz", "*.json", "*.png")
+WRITTEN = ("README.md", "*.csv", "*.csv.gz", "*.json", "*.png", "*.pdf")
 WORDS = ("kind", "title", "metric", "reason", "given_up")  # texts repeated in many rows; quantities.csv lists them once
 
 
@@ -84,7 +85,10 @@ def save(results: Path, out: Path, folder: Path = FOLDER) -> Path:
     write_text(
         folder / CHAPTERS, msgspec.json.format(msgspec.json.encode(_whole(study, report)), indent=1).decode() + "\n"
     )
-    write_text(folder / "README.md", _readme(study, report, folder))
+    facts = verdict.numbers_that_matter(study, contents().number)
+    write_text(folder / "README.md", _readme(study, report, facts, folder))
+    about = verdict.compared(study), f"Measured: {verdict.measured(study)}."
+    appendix.save(report, facts, about, folder)
     _demand_small(folder)
     return folder / "README.md"
 
@@ -166,7 +170,7 @@ def _whole(study: Results, report: StudyReport) -> FullStudy:
     )
 
 
-def _readme(study: Results, report: StudyReport, folder: Path) -> str:
+def _readme(study: Results, report: StudyReport, facts: Sequence[Fact], folder: Path) -> str:
     def csv(name: str) -> str:
         whole = f"{name}.csv"
         return whole if (folder / whole).exists() else f"{whole}.gz"
@@ -179,7 +183,8 @@ def _readme(study: Results, report: StudyReport, folder: Path) -> str:
         quiet=quiet(study.finished),
         paper=contents().paper,
         compared=verdict.compared(study),
-        facts=verdict.numbers_that_matter(study, contents().number),
+        facts=facts,
+        appendix=appendix.NAME,
         scenes=(folder / csv("scenes")).exists(),
         given_up=given_up(study),
         failed=[row for row in study.rows if row.state == "FAIL"],

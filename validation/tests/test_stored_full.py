@@ -131,6 +131,11 @@ def test_the_study_stores_the_hash_of_each_case_and_the_cases_without_results(tm
     assert "\n\n1 of 2 cases:" in (folder / "README.md").read_text(encoding="utf-8").partition("## Missing cases")[2]
 
 
+def test_the_appendix_has_two_pages_and_a_link(folder: Path) -> None:
+    assert b"/Count 2" in (folder / "appendix.pdf").read_bytes()
+    assert "](appendix.pdf)" in (folder / "README.md").read_text(encoding="utf-8")
+
+
 @pytest.mark.parametrize("edited", [(), ("flexlink/a.py",), ("flexlink/a.py", "flexlink/b.py")])
 def test_the_release_check_names_each_case_that_is_not_of_the_present_code(
     tmp_path: Path, folder: Path, known: list[str], monkeypatch: pytest.MonkeyPatch, capsys, edited: tuple[str, ...]
@@ -259,7 +264,9 @@ def test_files_of_an_earlier_study_are_deleted_and_other_files_stay(tmp_path: Pa
     tables = {
         f"{name}.csv" for name in ("all_checks", "quantities", "verdict", "speed", "scenes", "machine", "sources")
     }
-    assert {file.name for file in folder.iterdir()} == {"NOTES.md", "README.md", "chapters.json", *tables}
+    assert {file.name for file in folder.iterdir()} == {
+        *("NOTES.md", "README.md", "appendix.pdf", "chapters.json"), *tables,
+    }  # fmt: skip
     assert (tmp_path / "latest" / "index.html").is_file()
 
 
@@ -279,7 +286,7 @@ def test_the_readme_has_verdicts_failures_missing_cases_and_links_to_all_files(t
     assert line(text, "- never_ran: ").endswith("not measured")
     for part in ("| terms | M |", "- never_ran: "):
         reviewed("full study: readme", line(text, part))
-    assert set(re.findall(r"\]\((.*?)\)", text)) == {file.name for file in folder.glob("*.csv")}
+    assert set(re.findall(r"\]\((.*?)\)", text)) == {"appendix.pdf", *(file.name for file in folder.glob("*.csv"))}
 
 
 @pytest.mark.slow
