@@ -14,7 +14,6 @@ which the link does not bend, its body is turned once and for all before them.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.beams import points_between
 from flexlink.chain.compliance import MOST_NODES, lagrange
@@ -43,19 +42,15 @@ def turns_at_rest(link: Link, rule: LumpingRule, nodes: Array) -> Turns:
         raise SceneError(f"{text}; use more segments, or check curvature, twist, thermal", id="rest-angle-too-large")
     stiff, angles = [axis for axis in range(3) if axis not in bends], v.copy()
     in_space = (v != 0).sum(axis=1) > 1
+    from_z = rule.alternate_axes & (np.arange(len(v)) % 2 == 1)  # stations whose hinges have the order Z, Y, X
     for reverse in (False, True):
         order = stiff + bends[:: -1 if reverse else 1]
-        these = np.flatnonzero(in_space & (reversed_axes(rule, len(v)) == reverse))
+        these = np.flatnonzero(in_space & (from_z == reverse))
         if len(these):
             angles[np.ix_(these, np.array(order))] = Rotation.from_rotvec(v[these]).as_euler(_names(order))
     fixed = Rotation.from_euler(_names(stiff), angles[:, stiff]).as_matrix() if angles[:, stiff].any() else None
     angles[:, stiff] = 0.0
     return angles, fixed
-
-
-def reversed_axes(rule: LumpingRule, count: int) -> NDArray[np.bool_]:
-    """Whether the hinges of each of `count` stations have the order Z, Y, X."""
-    return np.asarray(rule.alternate_axes & (np.arange(count) % 2 == 1))
 
 
 def _names(axes: list[int]) -> str:

@@ -113,7 +113,7 @@ def _check(options: argparse.Namespace) -> None:
         if (without := table[name].get("without")) in given:
             raise ArgumentError(f"{name}: has no effect with {without}; leave one of them out", id="no-effect")
         if "is" in table[name]:
-            importlib.import_module("flexlink.cli.shared").REQUIRE[table[name]["is"]](values[name])
+            getattr(importlib.import_module("flexlink.cli.shared"), f"require_{table[name]['is']}")(values[name])
 
 
 def _copied_by(error: Exception, options: argparse.Namespace) -> str:

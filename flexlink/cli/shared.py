@@ -103,7 +103,7 @@ def save_plot(figure: Figure, path: Path) -> None:
     print_path("plot", path)
 
 
-def _require_scene_file(path: Path) -> None:
+def require_scene(path: Path) -> None:
     """Check, before results are computed, that a scene can be written to a file, which is not of another format."""
     if path.suffix in OF_ENGINES:
         text = f"then: flexlink export SCENE.toml --format {OF_ENGINES[path.suffix]}"
@@ -120,15 +120,11 @@ def require_writable(path: Path) -> None:
     check_writable(path)
 
 
-def _require_picture(path: Path) -> None:
+def require_picture(path: Path) -> None:
     """Check, before results are computed, that a plot can be drawn and written."""
     ending(path, (".png", ".svg", ".pdf"), "a picture")
     require_writable(path)
     drawing_module("results.plotting")
-
-
-REQUIRE = {"picture": _require_picture, "scene": _require_scene_file}
-"""Checks of an output before the command starts, by what it is in `options.toml`."""
 
 
 def command_line() -> str:

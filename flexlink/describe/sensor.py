@@ -167,7 +167,8 @@ class Sensor(Spec, frozen=True):
             if text is not None and (not text or text != text.strip() or re.search(r"[\[\]\n\r\t]", text)):
                 why = "expected text without brackets, and without spaces at its ends"
                 raise self._refused(key, why, "sensor-name")
-        if self.name in taken or re.match(r"(q|qd|tau) ", self.name):
+        of_axes = r"(tip|(angular )?momentum|attitude|spin) [wxyz]$"
+        if self.name in taken or re.match(f"(q|qd|tau) |{of_axes}", self.name):
             raise self._refused("name", "is the name of a column of every run; use another name", "sensor-name")
 
     def _check_unit(self) -> None:

@@ -146,7 +146,7 @@ class Plan:
         found = re.fullmatch(r"([1-9]\d{0,8})/([1-9]\d{0,8})", part) if isinstance(part, str) else None
         k, n = map(int, found.groups()) if found else (1, 0)
         if k > n:
-            why = f"part = {truncated(part)}: expected 'K/N' with K ≤ N, such as '17/200'"
+            why = f"part = {truncated(part)}: expected 'K/N' with K from 1 to N, such as '17/200'"
             raise ArgumentError(why, id="wrong-value")
         return range((k - 1) * self.members // n, k * self.members // n)
 

@@ -171,6 +171,8 @@ def test_the_value_that_a_hint_prints_removes_it(mistake: dict[str, Any], path: 
 
 def of_parts(scene: fl.Scene, path: str, value: Any) -> dict[str, Any]:
     """The change of a path whose last part may be a list that the hint prints as one number."""
+    if path.startswith("uncertain."):  # its keys are paths
+        return {"uncertain": {**scene.uncertain, path.removeprefix("uncertain."): value}}
     (before,) = scene.values_at(path.partition("[")[0])
     if "[" in path or (isinstance(before, list) and not isinstance(value, list)):
         return {path.partition("[")[0]: [item * 1e-3 for item in before] if "[" in path else [value] * len(before)}

@@ -90,8 +90,28 @@ def test_a_wrong_name_of_a_tie_names_those_that_there_are() -> None:
 
 def test_info_refuses_a_run_of_another_arm(tmp_path: Path, capsys) -> None:
     run = fl.simulate(fl.load_scene("models/two_mass_joint.toml"), duration=0.01).save(tmp_path / "run.npz")
-    assert main(["info", "models/paper_fig5.toml", "--run", str(run)]) == 2
+    command = "info models/paper_fig5.toml --run"
+    assert main([*command.split(), str(run)]) == 2
     refused_line(capsys.readouterr().err.replace(str(run), "run.npz"), "chains-differ")
+
+
+@pytest.mark.parametrize("changes", [
+    {"link.fore.mount.xyz": (1.25, 0.0, 0.0)}, {"initial.rate_deg": (0, 3000, 0)},
+], ids=["the length of the link before", "rates in rpm"])  # fmt: skip
+def test_numbers_that_repeat_a_length_or_are_too_fast_are_hinted(changes: dict) -> None:
+    (hint,) = hints(SCENE.varied(changes))
+    reviewed(hint.id, hint)
+
+
+def test_a_sensor_cannot_replace_a_column_of_the_tip() -> None:
+    with refused(fl.errors.SceneError, "sensor-name"):
+        fl.Sensor(name="tip x", kind="position", link="fore", axis=(1.0, 0.0, 0.0))
+
+
+def test_a_scene_in_yaml_is_recognized(tmp_path: Path, capsys) -> None:
+    (tmp_path / "crane.toml").write_text("name: crane\n", encoding="utf-8")
+    assert main(["info", str(tmp_path / "crane.toml")]) == 2
+    refused_line(capsys.readouterr().err.replace(str(tmp_path), ""), "not-toml")
 
 
 def test_uncertain_paths_need_no_quotes(tmp_path: Path) -> None:

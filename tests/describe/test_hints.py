@@ -61,6 +61,8 @@ PLANTED: list[tuple[dict[str, Any], str, str]] = [
     ({"section.profile.i_y": 3e6}, "section.profile.i_y", "mm⁴"),
     ({"link.boom.curvature": 30.0}, "link.boom.curvature", "°/m"),
     ({"link.boom.twist": 90.0}, "link.boom.twist", "°/m"),
+    ({"initial": {"q": [20.0, 0, 0, 0, -40.0, 0, 0, 0], "qd": [0.0] * 8}}, "initial.q", "°"),
+    ({"uncertain": {"tip.mass": 5.0}}, "uncertain.tip.mass", "%"),
     ({"gravity": [0.0, 0.0, -9810.0]}, "gravity", "mm/s²"),
     ({"gravity": [0.0, 0.0, -1.0]}, "gravity", "g"),
     ({"sensor.gauge.fibre": [60.0, 0.0]}, "sensor.gauge.fibre", "mm"),
