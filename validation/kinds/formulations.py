@@ -31,11 +31,10 @@ COLUMNS = "formulation", "settings", "coordinates", "error", "CPU time [s]"
 
 
 class Settings(Spec, frozen=True):
-    """Tasks to run, errors to reach, relative to the length, the CPU time of a ladder [s], and all tasks by name."""
+    """Tasks to run, errors to reach, relative to the length, and all tasks by name."""
 
     scenes: tuple[str, ...]
     errors: tuple[Positive, ...]
-    budget: Positive
     task: dict[str, Described]
 
 
@@ -73,7 +72,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
             if not formulation.installed:
                 yield _not_run(name, each, f"{formulation.package} is not installed.")
                 continue
-            climbed = Climbed(each, formulation.program, climb(task, formulation, ladder, settings.budget))
+            climbed = Climbed(each, formulation.program, climb(task, formulation, ladder))
             found.append(climbed)
             yield from _of_formulation(task, climbed, errors, described.reaches)
         for error in errors:

@@ -72,9 +72,7 @@ def plant(monkeypatch: pytest.MonkeyPatch, **runs) -> None:
 
 def rows_of(names: tuple[str, ...], reaches: dict[str, float], errors=(1e-2, 1e-3)):
     described = replace(PULSE, ladder={name: {"h": (1.0, 0.5)} for name in names}, reaches=reaches)
-    settings = formulations.Settings(
-        scenes=("torque_pulse",), errors=errors, budget=1.0, task={"torque_pulse": described}
-    )
+    settings = formulations.Settings(scenes=("torque_pulse",), errors=errors, task={"torque_pulse": described})
     *rows, series = formulations.run(SHORT, settings)
     return rows, series
 
@@ -102,7 +100,7 @@ def test_advice_is_compared_with_the_front_of_all_others(monkeypatch: pytest.Mon
     plant(monkeypatch, ours=planted(9e-4, 0.5), other_chains=planted(2e-3, 0.3), advise=pick)
     ladder = {"ours": {"h": (1.0,)}, "other_chains": {"h": (1.0,)}, "advise": {"tip": (1e-2, 1e-3)}}
     task = replace(PULSE, ladder=ladder, reaches={})
-    settings = formulations.Settings(("torque_pulse",), errors=(1e-2, 1e-3), budget=9.0, task={"torque_pulse": task})
+    settings = formulations.Settings(("torque_pulse",), errors=(1e-2, 1e-3), task={"torque_pulse": task})
     *rows, _ = formulations.run(SHORT, settings)
     found = {(each.quantity, each.varied.get("relative error")): each for each in rows}
     assert found[f"{FRONT}, error 0.01", 1e-2].value == pytest.approx(2), "theirs"
@@ -121,12 +119,12 @@ def test_a_limit_of_one_scene_replaces_that_of_all() -> None:
     assert not case.has_separate_limit("ur5_soft", f"{FRONT}, error 0.001")
 
 
-def test_a_ladder_ends_with_its_budget_and_a_program_that_gives_up_has_no_error(monkeypatch) -> None:
+def test_a_ladder_runs_all_its_settings_and_a_program_that_gives_up_has_no_error(monkeypatch) -> None:
     plant(monkeypatch, ours=planted(1e-3, 0.4), lost=lambda *_: Outcome(np.empty((0, 3)), 0.2, 3))
     task = task_of("torque_pulse", PULSE)
     steps = {"h": [1.0, 0.5, 0.25, 0.1]}
-    assert [rung.setting["h"] for rung in climb(task, formulations.FORMULATIONS["ours"], steps, 0.7)] == [1.0, 0.5]
-    assert {rung.error for rung in climb(task, formulations.FORMULATIONS["lost"], steps, 9.0)} == {math.inf}
+    assert [rung.setting["h"] for rung in climb(task, formulations.FORMULATIONS["ours"], steps)] == steps["h"]
+    assert {rung.error for rung in climb(task, formulations.FORMULATIONS["lost"], steps)} == {math.inf}
 
 
 def test_cases_name_known_formulations_and_state_for_each_what_it_reaches() -> None:
