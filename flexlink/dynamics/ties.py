@@ -236,6 +236,7 @@ def closed(ties: Ties, chain: Chain, q: Array, qd: Array, t: float) -> tuple[Arr
     moved = np.abs(q - start)
     if moved.max() > 1e-3:  # [rad, m]; a start with few digits explains less
         k = int(moved.argmax())
-        text = f"ties closed at the start: joint {chain.joint_name(k)!r} moved by {moved[k]:.3g} {chain.joint_units[k]}"
+        text = f"joint {chain.joint_name(k)!r} moved by {moved[k]:.3g} {chain.joint_units[k]}"
+        text = f"ties closed at the start, up to {far:.3g} apart before [m, rad]: {text}"
         warnings.warn(Diagnostic(f"{chain.name}: {text}", "ties-closed"), RuntimeWarning, stacklevel=4)
     return q, qd

@@ -100,6 +100,9 @@ class Spread(Spec, frozen=True):
         if (self.between is None) != normal or (self.mean is None) != (self.deviation is None):
             why = "between: specify either between = [low, high], or mean and deviation"
             raise SceneError(why, id="range-of-values")
+        if self.mean and self.deviation and self.deviation < 1e-9 * abs(self.mean):
+            why = f"deviation = {self.deviation}: in the unit of the value, not relative; it is too small for mean"
+            raise SceneError(f"{why} = {self.mean}", id="range-of-values")
         if normal and (self.whole or self.spacing == "log"):
             why = "mean: a normal distribution takes neither whole nor spacing; remove them"
             raise SceneError(why, id="range-of-values")
