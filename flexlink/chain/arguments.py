@@ -1,7 +1,6 @@
 """Checks of arguments of public functions. Messages contain the name, the value and what is expected."""
 
 import sys
-import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from numpy.typing import ArrayLike
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array, T
 from flexlink.common.wording import did_you_mean, short_list, truncated
+from flexlink.data.documents import read_toml
 from flexlink.describe.numbers import numbers
 from flexlink.describe.spec import key_mistakes, to_builtin
 from flexlink.kernels.tools.finite import is_finite
@@ -72,7 +72,7 @@ def require_type(name: str, value: object, kind: type[T]) -> T:
     """Return `value` if it is a `kind`, or refuse it; its message shows how to convert it, if known."""
     if not isinstance(value, kind):
         given = type(value).__name__
-        known = tomllib.loads(Path(__file__).with_name("conversions.toml").read_text(encoding="utf-8"))
+        known = read_toml(Path(__file__).with_name("conversions.toml"))
         remedy = known.get(kind.__name__, {}).get(given, "")
         text = f"expected a {kind.__name__}, got {given}{'; use ' if remedy else ''}{remedy}"
         raise ArgumentError(f"{name} = {truncated(value)}: {text}", id="wrong-type")

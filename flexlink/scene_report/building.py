@@ -3,7 +3,6 @@
 import dataclasses
 import importlib
 import time
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,13 +11,14 @@ import numpy as np
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import begin_page
+from flexlink.data.documents import read_toml
 from flexlink.pages.page import write_page
 from flexlink.pages.part import Part, written
 from flexlink.pages.style import RC
 from flexlink.pages.verdict import Chapter, Fact, Report, Verdict
 from flexlink.scene_report.study import Study
 
-CHAPTERS = tomllib.loads((Path(__file__).parent / "parts" / "chapters.toml").read_text(encoding="utf-8"))
+CHAPTERS = read_toml(Path(__file__).parent / "parts" / "chapters.toml")
 """Modules of `flexlink.scene_report.parts` in page order, each with its heading and name in the table of contents."""
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from flexlink.common.errors import Diagnostic
 from flexlink.describe.arm import Arm
 from flexlink.describe.link import Link
-from flexlink.describe.plausibility.sizes import Range, hint_if_outside, largest_dimension, ranges
+from flexlink.describe.plausibility.sizes import Range, hint_if_outside, largest_dimension, ranges, shown
 from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Vector3
@@ -23,8 +23,11 @@ def of_places(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
     lengths = sum(span(link) for link in arm.links)
     most = 3.0 * about.reach
     points: list[tuple[str, Vector3, float]] = [("tip.center", arm.tip.center, most)]
-    for k, link in enumerate(arm.links, 1):
+    for k, (link, parent) in enumerate(zip(arm.links, arm.parents, strict=True), 1):
         path = arm.path(k)
+        if parent and (length := arm.links[parent - 1].length) and link.mount.xyz == (length, 0.0, 0.0):
+            text = f"{shown(link.mount.xyz)} m: a link begins at the end of the one before, whose length this is"
+            yield Diagnostic(f"{path}.mount.xyz = {text}; leave it out", "length-twice")
         points += [(f"{path}.mount.xyz", link.mount.xyz, 20.0 * lengths if k > 1 else math.inf)]
         points += [(f"{path}.hub.center", link.hub.center, most), (f"{path}.end.center", link.end.center, most)]
     for path, point, limit in points:

@@ -40,7 +40,7 @@ def _is_no_section(section: Section) -> bool:
 
 
 def of_sections(arm: Arm) -> Iterator[Diagnostic]:
-    """Hints on dimensions of sections, lengths of links, and slenderness of flexible links."""
+    """Hints on dimensions of sections, lengths of links, how far they turn, and slenderness of flexible links."""
     mistaken: set[str] = set()
     for name, section in arm.sections.items():
         users = {link.material for link in arm.links if link.section == name and link.material}
@@ -54,10 +54,6 @@ def of_sections(arm: Arm) -> Iterator[Diagnostic]:
         L = link.beam.length
         long = list(hint_if_outside(f"{arm.path(k)}.length", L, "length", L)) if L else []
         yield from long
-        before = arm.links[arm.parents[k - 1] - 1].length if arm.parents[k - 1] else 0.0
-        if before and link.mount.xyz == (before, 0.0, 0.0):
-            text = f"{shown(link.mount.xyz)} m: a link begins at the end of the one before, whose length this is"
-            yield Diagnostic(f"{arm.path(k)}.mount.xyz = {text}; leave it out", "length-twice")
         for key in ("curvature", "twist"):
             for rate in given if isinstance(given := getattr(link, key), tuple) else (given,):
                 if isinstance(rate, int | float):
