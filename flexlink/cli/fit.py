@@ -5,7 +5,7 @@ flexlink fit problem.toml --check --propose
 flexlink fit problem.toml --out fitted
 flexlink fit problem.toml --grid auto
 flexlink fit problem.toml --starts 5 --profile --set material.steel.young=2e11
-flexlink fit viscous.toml stribeck.toml --folds
+flexlink fit viscous.toml quadratic.toml --folds
 flexlink fit reading.toml --predict
 """
 

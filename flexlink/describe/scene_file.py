@@ -10,6 +10,7 @@ from flexlink.common.wording import truncated
 from flexlink.data import documents
 from flexlink.describe.scene import FIELDS, Scene, scene_from
 from flexlink.describe.scene_checks import check_named
+from flexlink.describe.spec import Spec, check_keys, fields_of
 from flexlink.describe.vary import apply_changes
 
 
@@ -65,17 +66,18 @@ def _checked(raw: dict[str, Any]) -> Scene:
     return scene
 
 
-def refuse_scene(document: dict[str, Any], path: Path, what: str) -> None:
-    """Refuse a scene file given instead of a file that names a scene."""
+def scene_named(document: dict[str, Any], path: Path, form: type[Spec], what: str) -> tuple[Scene, dict[str, Any]]:
+    """Remove `scene` from a parsed file of this form, and read the scene that it names; also the types of all keys.
+
+    A scene given instead of such a file, unknown keys and missing ones are refused.
+    """
     if "link" in document and "scene" not in document:
         example = "models/fits/tapped.toml" if "fit" in what else "models/sweeps/payload.toml"
         text = f"this is a scene; {what} names one by scene = {path.name!r} and adds what to vary, as {example} does"
         raise SceneError(text, id="is-a-scene")
-
-
-def scene_named(document: dict[str, Any], folder: Path) -> Scene:
-    """Remove `scene` from a parsed TOML file in a folder, and read the scene that it names."""
+    fields = fields_of(form)
+    check_keys(document, [each.encode_name for each in fields], [each.encode_name for each in fields if each.required])
     name = document.pop("scene")
     if not isinstance(name, str):
         raise SceneError(f"scene = {truncated(name)}: expected the path of a scene file", id="wrong-type")
-    return load_scene(folder / name)
+    return load_scene(path.parent / name), {each.encode_name: each.type for each in fields}

@@ -14,8 +14,8 @@ from flexlink.common.errors import SceneError
 from flexlink.data import documents
 from flexlink.data.documents import paths_of
 from flexlink.describe.scene import Scene
-from flexlink.describe.scene_file import refuse_scene, scene_named
-from flexlink.describe.spec import Deviation, Positive, Spec, check_keys, decode, fields_of, mistakes, raise_together
+from flexlink.describe.scene_file import scene_named
+from flexlink.describe.spec import Deviation, Positive, Spec, decode, mistakes, raise_together
 
 Use = Literal["fit", "check"]  # use of data: to fit the parameters, or to check the fit with data that were not fitted
 Loss = Literal["linear", "soft_l1", "huber", "trimmed"]
@@ -322,15 +322,12 @@ class FitProblem(Spec, frozen=True):
         path = documents.require_path("path", path)
         raw = documents.read_toml(path)
         with documents.errors_of(path):
-            fields = {field.encode_name: field for field in fields_of(cls)}
-            refuse_scene(raw, path, "a fit")
-            check_keys(raw, fields, required=("scene", "parameter"))
-            scene = scene_named(raw, path.parent)
+            scene, types = scene_named(raw, path, cls, "a fit")
             for part in ("run", "modes", "static", "frf"):
                 if isinstance(raw.get(part), list):
                     raw[part] = documents.with_absolute_paths(path.parent, [_as_paths(table) for table in raw[part]])
-            raise_together(wrong for key, value in raw.items() for wrong in mistakes(value, fields[key].type, key))
-            return cls(scene=scene, **{key: decode(value, fields[key].type, key) for key, value in raw.items()})
+            raise_together(wrong for key, value in raw.items() for wrong in mistakes(value, types[key], key))
+            return cls(scene=scene, **{key: decode(value, types[key], key) for key, value in raw.items()})
 
 
 def _as_paths(table: Any) -> Any:

@@ -15,6 +15,7 @@ from flexlink.describe.run_settings import AUTO, RunSettings
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics import rounding
 from flexlink.dynamics.terms import mass_matrix
+from flexlink.kernels.inputs.laws import TABLE
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.judgement import SEEN, WRONG, Allowance
 from flexlink.kernels.stepping.runge_kutta import NEVER, probe
@@ -297,6 +298,13 @@ class Monitor:
             q, qd = self.record.q[: self.n_valid], self.record.qd[: self.n_valid]
             rounded = float(rounded_away(self.run, q, qd, np.array(self.record.chain.size)))
         moved = self.extent if tip_error or rounded else np.inf
+        drive = self.record.inputs.drive
+        if drive.law != TABLE and (part := self.at_limit.mean(axis=0)).max(initial=0.0) > Thresholds.held:
+            joint = self.record.chain.joint_name(int(drive.joints[np.argmax(part)]))
+            text = (
+                f"the drive of {joint!r} is at its limit for {100 * part.max():.0f} % of the run and hardly controls it"
+            )
+            yield Diagnostic(f"{text}; raise drive.effort or slow the motion", "drive-at-limit")
         if tip_error > Thresholds.doubt * Thresholds.tip_share * moved:
             text = f"step errors add up to {tip_error:.2g} m, {motion_in_words(self.record.chain, moved)}"
             yield Diagnostic(f"doubtful: {text}; halve the step and compare", "doubtful-step-errors")
@@ -322,6 +330,12 @@ class Monitor:
         exchanged, _, unbalanced, excused = self._balance.seen[SEEN.exchanged : SEEN.travelled].tolist()
         least = Thresholds.doubt * balance.SHARE * exchanged
         return bool(unbalanced > least or excused > least / Thresholds.doubt)
+
+    @property
+    def at_limit(self) -> NDArray[np.bool_]:
+        """Whether each driven joint's torque is at its limit, shape (valid samples, d)."""
+        drive = self.record.inputs.drive
+        return np.abs(self.record.tau[: self.n_valid, drive.joints]) >= drive.effort
 
     @property
     def travelled(self) -> float:

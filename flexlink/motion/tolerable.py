@@ -31,6 +31,7 @@ class Thresholds:
     a_degree: float = float(np.radians(1.0))  # increase of the largest hinge bend between two checks of M [rad]
     at_limit: float = 1e-9
     """Distance past a joint limit that is ignored [rad]: rounding error of a run that moves exactly to the limit."""
+    held: float = 0.9  # part of a run at the limit of torque above which a law hardly controls its joint
     tip_share: float = 0.05
     """Tip error, relative to the tip's motion, above which a result is wrong: 5 %, as in `balance.SHARE`."""
     doubt: float = 0.1

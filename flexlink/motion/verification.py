@@ -96,9 +96,7 @@ def _switches(monitor: Monitor) -> bool:
     jumps, taken = (len(corners(drive)) if drive.law == TABLE else 0) + steps.rejected, steps.taken
     if drive.law == COMPUTED_TORQUE and not drive.rate and (record.chain.stiffness > 0.0).any():
         return True
-    at_limit = 0.0
-    if min(drive.effort.tolist(), default=math.inf) < math.inf:
-        at_limit = float((np.abs(record.tau[: monitor.n_valid, drive.joints]) >= drive.effort).any(axis=1).mean())
+    at_limit = float(monitor.at_limit.any(axis=1).mean())
     return at_limit > 0.5 or jumps > 0.3 * taken or (at_limit > 0.0 and jumps > 0.1 * taken)
 
 

@@ -246,10 +246,7 @@ def _check(robot: Robot, key: str, name: object, value: object) -> None:
         raise ArgumentError(why, id="out-of-range")
     lower, upper = joint.limits or (-math.inf, math.inf)
     if not lower <= number <= upper and lower < upper:
-        given, low, high = (_with_unit(joint, position) for position in (number, lower, upper))
+        given, low, high = (
+            f"{x!r} rad ({math.degrees(x):.6g}°)" if joint.turns else f"{x!r} m" for x in (number, lower, upper)
+        )
         raise ArgumentError(f"{key}: {truncated(name)} = {given}: must be between {low} and {high}", id="out-of-range")
-
-
-def _with_unit(joint: TreeJoint, position: float) -> str:
-    """Format a position with its unit; positions of hinges also in degrees, as on the command line."""
-    return f"{position!r} rad ({math.degrees(position):.6g}°)" if joint.turns else f"{position!r} m"

@@ -20,8 +20,8 @@ from flexlink.common.wording import did_you_mean, truncated
 from flexlink.data import documents
 from flexlink.data.documents import is_user_file
 from flexlink.describe.scene import Scene
-from flexlink.describe.scene_file import refuse_scene, scene_named
-from flexlink.describe.spec import Spec, check_keys, decode, fields_of
+from flexlink.describe.scene_file import scene_named
+from flexlink.describe.spec import Spec, decode
 from flexlink.describe.variants import Variants
 from flexlink.describe.vary import top_level_keys
 from flexlink.engines import ENGINES
@@ -111,18 +111,15 @@ class Sweep(Spec, frozen=True):
         path = documents.require_path("path", path)
         raw = documents.read_toml(path)
         with documents.errors_of(path):
-            fields = {field.encode_name: field for field in fields_of(cls)}
-            refuse_scene(raw, path, "a sweep plan")
-            check_keys(raw, fields, required=("scene", "quantity"))
-            folder, scene = path.parent, scene_named(raw, path.parent)
+            scene, types = scene_named(raw, path, cls, "a sweep plan")
             for table, leaf in (("set", ()), ("grid", ("between",)), ("together", ("between",))):
                 if isinstance(raw.get(table), dict):
-                    raw[table] = documents.with_absolute_paths(folder, dict(documents.paths_of(raw[table], leaf)))
+                    raw[table] = documents.with_absolute_paths(path.parent, dict(documents.paths_of(raw[table], leaf)))
             sample = raw.get("sample")
             if isinstance(sample, dict) and isinstance(sample.get("keys"), dict):
                 files = dict(documents.paths_of(sample["keys"], ("between", "mean", "deviation")))
-                sample["keys"] = documents.with_absolute_paths(folder, files)
-            sweep = cls(scene=scene, **{key: decode(value, fields[key].type, key) for key, value in raw.items()})
+                sample["keys"] = documents.with_absolute_paths(path.parent, files)
+            sweep = cls(scene=scene, **{key: decode(value, types[key], key) for key, value in raw.items()})
             Plan(sweep)
             return sweep
 

@@ -91,7 +91,7 @@ OF_A_STATE = [
     *(fl.inverse_dynamics_derivatives, fl.forward_dynamics_derivatives, fl.jacobian, fl.linearize),
     *(fl.strength.internal_loads, fl.point_motion),
     *(fl.strength.buckling_loads, fl.stable_step, stability.eigenvalues, stability.fastest_eigenvalues),
-    *(stability.largest_frequency, rounding.of_mass_matrix, rounding.of_bias_torque, rounding.of_elastic_torque),
+    *(rounding.of_mass_matrix, rounding.of_bias_torque, rounding.of_elastic_torque),
     *(rounding.of_friction_torque, rounding.of_residual, rounding.of_acceleration, rounding.acceleration_error),
 ]
 OF_OTHERS = {

@@ -26,7 +26,7 @@ from flexlink.motion.monitor import step_errors
 from flexlink.results.record import Record
 from tests.conftest import compiled, flexible, make_scene
 from tests.motion.test_ties import fourbar
-from tests.support.words import refused
+from tests.support.words import refused, reviewed
 
 UP = fl.Mount(rpy_deg=(90.0, 0.0, 0.0))
 TARGET_DEG = (40.0, 35.0, -50.0)
@@ -173,6 +173,14 @@ def test_effort_limits_apply_to_laws_and_external_torques() -> None:
     run = fl.simulate(scene, control=lambda t, q, qd: [1e4, -1e4, 1e4], rate=100.0)
     np.testing.assert_array_equal(run.tau[:, run.chain.active], np.tile(limited, (11, 1)))
     assert fl.Simulator(scene).step([1e4, -1e4, 1e4]).q.tolist() == fl.Simulator(scene).step(limited).q.tolist()
+
+
+def test_a_drive_that_is_nearly_always_at_its_limit_gets_a_warning() -> None:
+    id = "drive-at-limit"
+    weak, strong = (fl.simulate(arm({**PD, "effort": 3 * (effort,)})).warnings for effort in (1e-3, 1e6))
+    (text,) = (each for each in weak if each.id == id)
+    reviewed(id, text)
+    assert all(each.id != id for each in strong)
 
 
 @every_law

@@ -181,11 +181,6 @@ def _largest_ratio(chain: Chain, state: LoadedState, apply: Callable[[Array], Ar
     return float(found[0])
 
 
-def largest_frequency(chain: Chain, q: ArrayLike) -> float:
-    """Largest |λ| of `fastest_eigenvalues` at rest [rad/s], which limits the step of an explicit method."""
-    return float(np.abs(fastest_eigenvalues(chain, q)).max(initial=0.0))
-
-
 def stable_step(
     chain: Chain, q: ArrayLike | None = None, qd: ArrayLike | None = None, *, tip_wrench: ArrayLike | None = None,
     frame: Frame = "world", gains: Gains | None = None, method: str = "RK4",
