@@ -47,7 +47,11 @@ sphinx_gallery_conf = {
     "examples_dirs": "../examples",
     "gallery_dirs": "gallery",
     "ignore_repr_types": r".*(NotebookFigure|Path).*",
-    "image_scrapers": ("matplotlib", "docs.generators.gallery_pictures.pictures"),
+    "image_scrapers": (
+        "docs.generators.gallery_pictures.arms",
+        "matplotlib",
+        "docs.generators.gallery_pictures.pictures",
+    ),
     "filename_pattern": r"\.py$",
     "remove_config_comments": True,
     "download_all_examples": False,

@@ -5,7 +5,6 @@ A tapered steel boom of 10 m, a jib of 6 m, and a load of 500 kg. The arm is des
 along an S-curve, and filmed with bending moments shown as colours.
 """
 
-# sphinx_gallery_thumbnail_number = 2
 import matplotlib.pyplot as plt
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Scraper for sphinx-gallery: figures drawn by flexlink outside pyplot, and films written by a block."""
+"""Scrapers for sphinx-gallery: arms as thumbnails, figures drawn by flexlink outside pyplot, and films of a block."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+from flexlink.describe.scene import Scene
 from flexlink.results.plotting import NotebookFigure
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -23,6 +24,22 @@ class ByTheme:
     def __call__(self, name: str) -> int:
         """Place of an example; those without a link are last."""
         return self.names.index(name) if name in self.names else len(self.names)
+
+
+def arms(_block: object, block_vars: dict[str, Any], _gallery_conf: dict[str, Any]) -> str:
+    """Draw the first scene of an example: the first picture is its thumbnail, and no page shows it."""
+    names = block_vars["example_globals"]
+    scene = next((value for value in names.values() if isinstance(value, Scene)), None)
+    if scene is not None and "___arm" not in names:
+        names["___arm"], figure = scene, scene.plot()
+        view, *others = figure.axes
+        view.set_axis_off()
+        for part in (*figure.legends, *others):
+            part.remove()
+        for line in view.lines:
+            line.set_linewidth(3.0)
+        figure.savefig(block_vars["image_path_iterator"].next(), dpi=100, bbox_inches="tight")
+    return ""
 
 
 def pictures(_block: object, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:

@@ -2,6 +2,7 @@
 
 import os
 import re
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -94,6 +95,26 @@ def test_search_from_a_file_finds_the_page(window: Browser, site: Path, word: st
     }
     look(200)"""
     assert any(SEARCHES[word] in link for link in window.run_async(wait)), word
+
+
+def test_a_hit_of_the_search_opens_at_the_section_with_most_of_its_words(window: Browser, site: Path) -> None:
+    window.open(site / "search.html", *DESK)
+    window.run("location.href = 'search.html?q=strain gauge'")
+    click = """
+    const done = arguments[0]
+    const look = tries => {
+      const link = document.querySelector('#search-results li a[href*="howto/loads.html"]:not([href*="#"])')
+      if (link) { link.click(); done(true) } else if (tries == 0) done(false)
+      else setTimeout(() => look(tries - 1), 50)
+    }
+    look(200)"""
+    assert window.run_async(click)
+    at = "return [...document.querySelectorAll('section')].find(s => Math.abs(s.getBoundingClientRect().top) < 120)?.id"
+    for _ in range(100):
+        if (found := window.run(at)) == "strain-gauges":
+            return
+        time.sleep(0.05)
+    pytest.fail(f"at section {found!r}")
 
 
 def test_no_page_accesses_the_network(site: Path) -> None:
