@@ -2,6 +2,7 @@
 
 import csv
 import dataclasses
+from fnmatch import fnmatch
 from pathlib import Path
 
 import msgspec
@@ -100,8 +101,10 @@ def test_a_number_may_be_missing_if_the_speed_of_the_machine_decides(tmp_path, m
 
 def test_every_allowed_difference_is_about_published_numbers() -> None:
     keys = list(same.published_numbers(FOLDER))
+    missing = msgspec.json.decode((FOLDER / "chapters.json").read_bytes(), type=FullStudy).missing
     for one in exceptions():
-        assert any(one.matches(case, engine, quantity) for case, _, engine, quantity, _ in keys), one
+        found = any(one.matches(case, engine, quantity) for case, _, engine, quantity, _ in keys)
+        assert found or any(fnmatch(case, pattern) for case in missing for pattern in one.cases), one
 
 
 def edited_since(folder: Path, case: str) -> None:

@@ -327,7 +327,7 @@ def test_a_study_too_large_to_check_in_is_refused_with_its_largest_file(tmp_path
 def test_the_checked_in_study_is_small_and_records_how_it_was_made():
     files = list(full.FOLDER.iterdir())
     assert sum(file.stat().st_size for file in files) <= full.MOST
-    assert {file.suffix for file in files} <= {".csv", ".gz", ".json", ".png", ".md"}
+    assert {file.suffix for file in files} <= {".csv", ".gz", ".json", ".pdf", ".png", ".md"}
     facts = machine(full.FOLDER)
     assert facts["command"] == full.COMMAND
     assert facts["processor"]
