@@ -69,7 +69,14 @@ class FlexlinkSolver:
             angles = np.array([q] + [rest.q] * (n_frames - 1))
         else:
             angles = fl.simulate(scene, q0=q).q
-        return _trajectory(rod, scene, chain, axes, times, angles, n_elements)
+        placed, parts = fl.frames(chain, angles), pieces(scene)
+        nodes = np.linspace(0.0, 1.0, n_elements + 1)
+        positions = [_on(parts, placed, rod.length, x)[0] for x in nodes.tolist()]
+        turns = [_on(parts, placed, rod.length, x)[1] for x in ((nodes[1:] + nodes[:-1]) / 2).tolist()]
+        own = rod.directors(n_elements)  # of the elements between the nodes, in the world frame
+        directors = [turn @ turn[0].T @ axes @ first for turn, first in zip(turns, own, strict=True)]
+        start = np.asarray(rod.centerline[0])
+        return Trajectory(times, (start + np.stack(positions, axis=1) @ axes,), (np.stack(directors, axis=1) @ axes,))
 
 
 def rule_of(elements: int) -> str:
@@ -160,19 +167,6 @@ def _shape(rod: Rod, x: Array) -> Array:
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
     rest = np.append(0.0, np.cumsum(lengths)) if rod.rest_arc_length is None else np.asarray(rod.rest_arc_length)
     return np.transpose([np.interp(x * rest[-1], rest, column) for column in (points - points[0]).T])
-
-
-def _trajectory(
-    rod: Rod, scene: fl.Scene, chain: fl.Chain, axes: Array, times: Array, q: Array, elements: int
-) -> Trajectory:
-    """Positions of the nodes, and directors of the elements between them, in the world frame."""
-    placed, parts = fl.frames(chain, q), pieces(scene)
-    nodes = np.linspace(0.0, 1.0, elements + 1)
-    positions = [_on(parts, placed, rod.length, x)[0] for x in nodes.tolist()]
-    turns = [_on(parts, placed, rod.length, x)[1] for x in ((nodes[1:] + nodes[:-1]) / 2).tolist()]
-    directors = [turn @ turn[0].T @ axes @ first for turn, first in zip(turns, rod.directors(elements), strict=True)]
-    start = np.asarray(rod.centerline[0])
-    return Trajectory(times, (start + np.stack(positions, axis=1) @ axes,), (np.stack(directors, axis=1) @ axes,))
 
 
 def _on(parts: list[Piece], placed: Frames, length: float, x: float) -> tuple[Array, Array]:

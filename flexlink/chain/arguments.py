@@ -1,9 +1,11 @@
 """Checks of arguments of public functions. Messages contain the name, the value and what is expected."""
 
+import functools
+import inspect
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn, ParamSpec
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +19,7 @@ from flexlink.describe.spec import key_mistakes, to_builtin
 from flexlink.kernels.tools.finite import is_finite
 
 FLOAT64 = np.dtype(np.float64)
+Given = ParamSpec("Given")
 NO_WRENCH = np.zeros(6)
 
 
@@ -77,6 +80,34 @@ def require_type(name: str, value: object, kind: type[T]) -> T:
         text = f"expected a {kind.__name__}, got {given}{'; use ' if remedy else ''}{remedy}"
         raise ArgumentError(f"{name} = {truncated(value)}: {text}", id="wrong-type")
     return value
+
+
+def explained(function: Callable[Given, T]) -> Callable[Given, T]:
+    """The function, which refuses a call that does not fit it in words, instead of by Python's TypeError."""
+
+    @functools.wraps(function)
+    def called(*given: Given.args, **named: Given.kwargs) -> T:
+        try:
+            return function(*given, **named)
+        except TypeError:
+            try:
+                inspect.signature(function).bind(*given, **named)
+            except TypeError as wrong:
+                refuse_call(function, str(wrong), named)
+            raise
+
+    return called
+
+
+def refuse_call(function: Callable[..., object], why: str, named: Iterable[str] = ()) -> NoReturn:
+    """Refuse a call that does not fit a function: what it takes in order and by name, and an example if known."""
+    known = inspect.signature(function).parameters
+    by_name = ", ".join(f"{each.name}=" for each in known.values() if each.kind is each.KEYWORD_ONLY)
+    in_order = ", ".join(each.name for each in known.values() if each.kind is each.POSITIONAL_OR_KEYWORD)
+    near = next((did_you_mean(name, known) for name in named if name not in known), "")
+    example = read_toml(Path(__file__).with_name("conversions.toml"))["call"].get(function.__name__, "")
+    text = f"{function.__name__}: {why}{near}; it takes {in_order}{', and by name ' if by_name else ''}{by_name}"
+    raise ArgumentError(f"{text}{'; such as ' if example else ''}{example}", id="wrong-arguments") from None
 
 
 def refuse_unknown(function: Callable[..., object], unknown: Mapping[str, object]) -> None:

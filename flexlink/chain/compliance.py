@@ -77,20 +77,14 @@ def coupled_constants(beam: TableBeam, rule: LumpingRule, nodes: Array, weights:
     """K of every cell, or of every hinge (p = 1), of coupled sections, shape (cells, 3, p, 3, p) [N m/rad]."""
     if rule.cells is None:
         return np.asarray(spring_constants(beam, rule, nodes, weights).T[:, :, None, :, None])
-    WC = rule.cells.cell.weights[:, None] * rule.cells.cell.curvature
-    both = np.kron(np.eye(3), WC)
-    F = _flexibility_of_cells(beam, rule.cells, len(nodes))
-    return np.asarray(both.T @ np.linalg.solve(F, both)).reshape(-1, 3, len(WC), 3, len(WC))
-
-
-def _flexibility_of_cells(beam: TableBeam, cells: Cells, count: int) -> Array:
-    """F of every cell of coupled sections, (cells, 3p, 3p): F_qr of twist, of bending about y and about z."""
-    p, parts = cells.hinges, count // cells.hinges
+    cell, p, parts = rule.cells.cell, rule.cells.hinges, len(nodes) // rule.cells.hinges
     edges = np.linspace(0.0, 1.0, parts + 1)
     (owner, x, weight), per = beam.flexibility(edges, 2 * (p - 1))
-    basis, F = lagrange(cells.cell.points, (x - edges[owner]) * parts), np.zeros((parts, 3, p, 3, p))
+    basis, F = lagrange(cell.points, (x - edges[owner]) * parts), np.zeros((parts, 3, p, 3, p))
     np.add.at(F, owner, np.einsum("k,abk,kq,kr->kaqbr", weight, per, basis, basis))
-    return F.reshape(parts, 3 * p, 3 * p)
+    both = np.kron(np.eye(3), cell.weights[:, None] * cell.curvature)
+    # F_qr of every cell, (cells, 3p, 3p): of twist, of bending about y and about z
+    return np.asarray(both.T @ np.linalg.solve(F.reshape(parts, 3 * p, 3 * p), both)).reshape(-1, 3, p, 3, p)
 
 
 def coupled_curvatures(beam: TableBeam, rule: LumpingRule, hinges: tuple[Array, Array], angles: Array) -> Array:

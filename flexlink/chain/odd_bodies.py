@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+from msgspec.structs import replace
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import Diagnostic, SceneError
@@ -32,7 +33,17 @@ def of_odd_bodies(arm: Arm) -> Iterator[Diagnostic]:
         cause = f"as rounding to about {digits} digits gives" if digits >= 3 else "as base parameters have"
         what = "the largest moment exceeds the sum of the others" if body.mass else "a moment is negative"
         text = f"{path}.inertia: {what} by {body.excess:.3g} kg m², {cause}; no real body has it"
-        yield Diagnostic(f"{text}, but M is positive, so it is used", "inertia-of-no-body")
+        yield Diagnostic(f"{text}, but M is positive, so it is used{_reordered(body)}", "inertia-of-no-body")
+
+
+def _reordered(body: RigidBody) -> str:
+    """The inertia of a real body, if the numbers are in the order of URDF, as the end of a message; else empty."""
+    if len(body.inertia) < 6:
+        return ""
+    xx, xy, xz, yy, yz, zz = body.inertia
+    moved = xx, yy, zz, xy, xz, yz
+    likely = f"; likely given as xx, xy, xz, yy, yz, zz: as xx, yy, zz, xy, xz, yz it is {list(moved)}"
+    return "" if replace(body, inertia=moved).excess else likely
 
 
 def require_positive_mass(chain: Chain, arm: Arm) -> None:
@@ -41,7 +52,7 @@ def require_positive_mass(chain: Chain, arm: Arm) -> None:
     if odd and (place := negative_inertia(chain)):
         path, body = max(odd.items(), key=lambda item: item[1].excess)
         text = f"no body can have it, and with it {place}; check the moments, their unit, and that they are about the "
-        text += "centre of mass"
+        text += f"centre of mass{_reordered(body)}"
         raise SceneError(f"{path}.inertia = {truncated(body.inertia)}: {text}", id="inertia-impossible")
 
 

@@ -35,15 +35,12 @@ def run_command(options: argparse.Namespace) -> int:
         else:
             comparison = compare(scene, file=options.file, samples=options.samples, seed=options.seed, **how)
     bar.clear()
-    options.document = _document(comparison)
-    print(comparison)
-    return 0 if comparison.passed else 1
-
-
-def _document(comparison: Comparison | TrajectoryComparison) -> dict[str, object]:
-    """A comparison as plain numbers and strings, with one object per engine."""
     if isinstance(comparison, Comparison):
         engines: Any = comparison.diagnoses
     else:
         engines = [row._asdict() for row in comparison.rows]
-    return {"passed": comparison.passed, "scene": comparison.scene, "engines": engines, "refused": comparison.refused}
+    options.document = {
+        "passed": comparison.passed, "scene": comparison.scene, "engines": engines, "refused": comparison.refused
+    }  # fmt: skip
+    print(comparison)
+    return 0 if comparison.passed else 1

@@ -174,10 +174,7 @@ def _predict(found: Fitted, options: argparse.Namespace) -> None:
 
 def _lines(table: Table) -> list[str]:
     """A table as aligned text."""
-    rows = [table.heads, *([_cell(cell) for cell in line] for line in table.lines)]
+    texts = ([c if isinstance(c, str) else "" if c is None else f"{c:.5g}" for c in line] for line in table.lines)
+    rows = [table.heads, *texts]
     width = [max(len(row[k]) for row in rows) for k in range(len(table.heads))]
     return ["  ".join(f"{cell:<{w}}" for cell, w in zip(row, width, strict=True)).rstrip() for row in rows]
-
-
-def _cell(cell: str | float | None) -> str:
-    return "" if cell is None else cell if isinstance(cell, str) else f"{cell:.5g}"

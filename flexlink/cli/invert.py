@@ -19,7 +19,14 @@ def run_command(options: argparse.Namespace) -> int:
         found = invert(scene, options.tip, duration=options.duration, tolerance=options.tolerance)
         beside = found.shaped(options.shaper)
     shared.print_lines("warning", found.warnings)
-    options.document = _document(found, beside, options.shaper)
+    options.document = {
+        "scene": found.scene.name, "starts_s": found.starts, "ends_s": found.ends,
+        "starts_before_s": found.starts_before, "ends_after_s": found.ends_after,
+        "largest_torques": {f"{name} [{unit}]": x for name, unit, x in _torques(found)}, "tip_error_m": found.error,
+        "residual_m": found.residual, "distance_m": found.distance, "beam_error_m": found.beam_error,
+        "settles_s": found.settles, "met": found.met,
+        "shaped": {"kind": options.shaper, "lag_m": beside.lag, "settles_s": beside.settles},
+    }  # fmt: skip
     _print(found, beside, options.shaper)
     if options.out is not None:
         found.scene.save(options.out)
@@ -34,17 +41,6 @@ def _torques(found: Inversion) -> list[tuple[str, str, float]]:
     chain = found.run.chain
     largest = zip(chain.active.tolist(), np.abs(found.torques).max(axis=0).tolist(), strict=True)
     return [(chain.joint_name(k), chain.torque_units[k], torque) for k, torque in largest]
-
-
-def _document(found: Inversion, beside: ShapedMove, shaper: str) -> dict[str, object]:
-    return {
-        "scene": found.scene.name, "starts_s": found.starts, "ends_s": found.ends,
-        "starts_before_s": found.starts_before, "ends_after_s": found.ends_after,
-        "largest_torques": {f"{name} [{unit}]": x for name, unit, x in _torques(found)}, "tip_error_m": found.error,
-        "residual_m": found.residual, "distance_m": found.distance, "beam_error_m": found.beam_error,
-        "settles_s": found.settles, "met": found.met,
-        "shaped": {"kind": shaper, "lag_m": beside.lag, "settles_s": beside.settles},
-    }  # fmt: skip
 
 
 def _print(found: Inversion, beside: ShapedMove, shaper: str) -> None:

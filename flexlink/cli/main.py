@@ -167,6 +167,8 @@ class _Parser(argparse.ArgumentParser):
         near = names.get(closest(word, names) or "", "")
         near = next((f"{one.option_strings[-1]} {word}" for one in self._actions if word in (one.choices or ())), near)
         if "--file" in self._option_string_actions and Path(given).is_file():
+            if Path(given).suffix == ".toml":
+                return f"; to compare two scenes, export one: flexlink export {given} --format mjcf, then --file"
             near = f"--file {given}"
         if near:
             return f"; did you mean {near!r}?"

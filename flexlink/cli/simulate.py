@@ -63,7 +63,11 @@ def run_command(options: argparse.Namespace) -> int:
             raise
         bar.clear()
         _deliver(run, options)
-        options.document = _document(run, seconds)
+        options.document = {
+            "duration_s": run.t[-1] - run.t[0], "run_time_s": seconds, "tip_m": run.tip[-1], "tip_error_m": run.error,
+            "energy_j": np.asarray(run.energy.total)[[0, -1]], "imbalance_j": np.abs(run.imbalance).max(),
+            "warnings": shared.with_ids(run.warnings),
+        }  # fmt: skip
         _summary(scene, run, seconds)
         if options.uncertain and stop.signal is None:
             with shared.prefix_errors(options.scene):
@@ -95,15 +99,6 @@ def _deliver(run: Trajectory, options: argparse.Namespace) -> None:
 
 def _kept_in(options: argparse.Namespace) -> str:
     return f" in {options.out}" if options.out else "; not saved: no --out"
-
-
-def _document(run: Trajectory, seconds: float) -> dict[str, object]:
-    """A run as numbers in SI units, for JSON."""
-    return {
-        "duration_s": run.t[-1] - run.t[0], "run_time_s": seconds, "tip_m": run.tip[-1], "tip_error_m": run.error,
-        "energy_j": np.asarray(run.energy.total)[[0, -1]], "imbalance_j": np.abs(run.imbalance).max(),
-        "warnings": shared.with_ids(run.warnings),
-    }  # fmt: skip
 
 
 def _summary(scene: Scene, run: Trajectory, seconds: float) -> None:

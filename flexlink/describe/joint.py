@@ -226,6 +226,8 @@ def outside_limits(name: str, joint: Joint, position: float) -> str:
     if not max(position - high, low - position) > 1e-3 * (high - low):
         return ""
     where = f"outside {joint.limits_key} = {[low, high]} of joint {name!r}"
+    if not joint.slides and max(-low, high) <= math.tau < abs(position):
+        where += f" (in degrees {[round(math.degrees(low), 2), round(math.degrees(high), 2)]} if given in rad)"
     return f"{position!r}: {where}; if this is possible, widen it to {[min(low, position), max(high, position)]}"
 
 

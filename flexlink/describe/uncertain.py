@@ -73,20 +73,16 @@ def _value(scene: Scene, fields: Mapping[str, Any], path: str, u: float) -> Inpu
 
 
 def _clamp(arm: Arm, path: str, link: Link, u: float) -> Input:
-    k = _per_angle(arm, link)
-
-    def changes(z: float) -> dict[str, Any]:
-        return {path: {axis: one / (u * z) for axis, one in k.items()} if u * z > 0 else None}
-
-    return Input(path, changes, one_sided=True)
-
-
-def _per_angle(arm: Arm, link: Link) -> dict[str, float]:
-    """EI / L [N m/rad] at the root of a beam, by the axes of the link's frame that are nearest to those of bending."""
     EI: Array = np.array(arm.bending_stiffness(link) or (0.0, 0.0))
     if link.rigidity is not None:
         table = arm.rigidities[link.rigidity]
         EI = table.stiffness_factor * np.array([0.0 if ei is None else ei[0] for ei in (table.ei_y, table.ei_z)])
     bends = {"z": (2,), "yz": (1, 2), "xyz": (1, 2)}[link.flex]
     axes = {k: ROOT_AXES[int(np.abs(link.beam.frame[:, k]).argmax())] for k in bends}
-    return {axis: float(EI[k - 1] / link.beam.length) for k, axis in axes.items()}
+    # EI / L [N m/rad] at the root of the beam, by the axes of the link's frame that are nearest to those of bending
+    per_angle = {axis: float(EI[k - 1] / link.beam.length) for k, axis in axes.items()}
+
+    def changes(z: float) -> dict[str, Any]:
+        return {path: {axis: one / (u * z) for axis, one in per_angle.items()} if u * z > 0 else None}
+
+    return Input(path, changes, one_sided=True)

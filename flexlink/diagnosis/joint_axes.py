@@ -190,17 +190,12 @@ def _rigid_motion(
     a, b = (np.concatenate([read.axes[joints], (points - points[0]) / L]) for read, points in both)
     U, sizes, V = np.linalg.svd(b.T @ a)
     if sizes[1] <= TOLERANCE * sizes[0]:
-        R = _smallest_turn(V[0], U[:, 0])
+        v, c = cross(V[0], U[:, 0]), max(float(V[0] @ U[:, 0]), -0.5)  # the unit vectors are not opposite
+        X = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+        R = np.asarray(np.eye(3) + X + X @ X / (1 + c))  # 1 + [v]× + [v]×²/(1 + c)
     else:
         R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
     return (R, p, moved) if np.abs(a @ R.T - b).max() <= max(TOLERANCE, tolerance) else None
-
-
-def _smallest_turn(one: Array, other: Array) -> Array:
-    """R = 1 + [v]× + [v]×²/(1 + c), v = one × other, c = one · other, for unit vectors that are not opposite."""
-    v = cross(one, other)
-    V = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-    return np.asarray(np.eye(3) + V + V @ V / (1 + max(float(one @ other), -0.5)))
 
 
 def _marker_points(read: ReadBack, joints: Indices) -> Array:

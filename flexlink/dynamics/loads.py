@@ -105,9 +105,8 @@ def internal_loads(
     """
     if is_batch(q, qd, qdd):
         return each(internal_loads, chain, {"q": q, "qd": qd, "qdd": qdd}, tip_wrench=tip_wrench, frame=frame)
-    size = require_type("chain", chain, Chain).n
-    given = zip(("q", "qd", "qdd"), (q, qd, qdd), strict=True)
-    q, qd, qdd = (vector(name, part, size, many=True) for name, part in given)
+    n = require_type("chain", chain, Chain).n
+    q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
     wrench = world_wrench(chain, q, tip_wrench, frame)
     found = loads_of_bodies(chain, q, qd, qdd, wrench)
     if not all(is_finite(part.reshape(-1)) for part in (found.force, found.moment, found.hinge_moment)):

@@ -30,7 +30,7 @@ def notes(scene: Scene) -> tuple[Diagnostic, ...]:
     """Notes on probably unintended input: keys without effect, an unusual start. Each names a remedy."""
     require_type("scene", scene, Scene)
     at_rest = () if scene.ties else (slack_springs, unheld_joints, weak_gains, weak_drives, balance)  # ties hold joints
-    start, scene = (_parallel_gravity, _odd_reference, *at_rest), open_chain(scene)
+    start, scene = (_parallel_gravity, _odd_reference, _odd_shaper, *at_rest), open_chain(scene)
     unusual = _tip_without_length, _falling_base, _few_hinges, _on_edge, _wide_strips
     with np.errstate(all="ignore"):  # values beyond float64 are refused when a run is built from them
         return *(note for each in (*start, _unused, *unusual) for note in each(scene)), *of_odd_bodies(scene.arm)
@@ -159,6 +159,19 @@ def _odd_reference(scene: Scene) -> Iterator[Diagnostic]:
         if 0.0 < fastest < 2 * math.pi:
             text += f"; max_rate_deg = {fastest:g} °/s is slow, {math.degrees(fastest):.3g} °/s if meant in rad/s"
         yield Diagnostic(f"drive.reference: {text}", "reference-cut-off")
+
+
+def _odd_shaper(scene: Scene) -> Iterator[Diagnostic]:
+    """A shaper whose frequency is 2π times that of the slowest mode with the driven joints held."""
+    shaper = scene.drive.reference.shaper if scene.drive.reference else None
+    if shaper is not None and shaper.frequency_hz:
+        from flexlink.dynamics.vibration.modal import natural_frequencies  # noqa: PLC0415  few scenes have shapers
+
+        ω = natural_frequencies((chain := lump(scene)), _angles(scene, chain), locked=chain.active)[0]
+        if abs(shaper.frequency_hz[0] / ω - 1) < 0.05:
+            given = f"{shaper.frequency_hz[0]:.4g} Hz, but the slowest mode with held joints has {ω / math.tau:.4g} Hz"
+            text = f"drive.reference.shaper.frequency_hz: {given} = {ω:.4g} rad/s; likely given in rad/s"
+            yield Diagnostic(text, "likely-unit")
 
 
 def _unused(scene: Scene) -> Iterator[Diagnostic]:

@@ -42,6 +42,12 @@ class Result:
             near = near or f"; its fields are {', '.join(fields)}"
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}{near}")
 
+    def __array__(self, *_: object, **__: object) -> NoReturn:
+        """Refuse to be an array, as `J @ qd` asks for."""
+        of = [name for name, value in vars(self).items() if isinstance(value, np.ndarray)]
+        kind = type(self).__name__
+        raise ArgumentError(f"a {kind} is no array; its arrays are .{', .'.join(of)}", id="wrong-type")
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Make copies and pickles call the constructor, so that their arrays are read-only as well."""
         return type(self), tuple(vars(self)[field.name] for field in dataclasses.fields(self))  # type: ignore[arg-type]

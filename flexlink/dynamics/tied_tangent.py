@@ -117,7 +117,7 @@ def tied_state(
     if len(A) and _takes_back(ties, chain, q, t, g, B @ Z @ np.cos(np.arange(len(kept))), B):
         why = "singular posture of exact ties, as of links in one line: only those that act there are counted"
         text = f"{chain.name}: {why}; move the arm off it"
-        warnings.warn(Diagnostic(text, "singular-ties"), RuntimeWarning, stacklevel=4)
+        warnings.warn(Diagnostic(text, "singular-ties"), RuntimeWarning, stacklevel=5)
     return TiedState(ties, J, exact, λ, k, d, bends(ties, chain, q), Z, kept)
 
 

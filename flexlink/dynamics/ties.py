@@ -88,8 +88,14 @@ def _rows_of(tie: Tie, scene: Scene, chain: Chain) -> Rows:
     rows["stiffness"], rows["damping"] = np.inf if tie.stiffness is None else tie.stiffness, tie.damping
     rows["low"], rows["high"] = tie.range
     rows["dissipation"], rows["length"] = tie.dissipation, tie.length or 0.0
-    if tie.kind == "cylinder":
-        _fill(rows, tie)
+    if tie.kind == "cylinder":  # its stiffness is that of the oil at the first length
+        shortest, longest = tie.stroke or (0.0, 0.0)
+        bore, rod = (np.pi / 4 * (d or 0.0) ** 2 for d in (tie.bore, tie.rod))
+        A = np.array([bore, rod - bore])
+        rows["bulk"], rows["areas"], rows["pressures"] = tie.bulk_modulus, A, tie.pressures
+        rows["volumes"] = tie.dead_volume - A * [shortest, longest]
+        V = rows["volumes"] + A * (tie.lengths or (tie.length,))[0]
+        rows["stiffness"] = (A**2 * tie.bulk_modulus / V).sum()
     if tie.on_joint:
         rows["kind"], rows["a"], rows["b"] = KIND.joint, chain.index(scene.arm.number(tie.link or 0), 0, 0), -1
         if tie.to.link is not None:
@@ -117,17 +123,6 @@ def _rows_of(tie: Tie, scene: Scene, chain: Chain) -> Rows:
     elif tie.kind == "point":
         rows["along"] = np.eye(3) if tie.to.axis is None else axis_b
     return rows
-
-
-def _fill(rows: Rows, tie: Tie) -> None:
-    """Fill a row with the oil of a cylinder; its stiffness is that at the first length."""
-    shortest, longest = tie.stroke or (0.0, 0.0)
-    bore, rod = (np.pi / 4 * (d or 0.0) ** 2 for d in (tie.bore, tie.rod))
-    A = np.array([bore, rod - bore])
-    rows["bulk"], rows["areas"], rows["pressures"] = tie.bulk_modulus, A, tie.pressures
-    rows["volumes"] = tie.dead_volume - A * [shortest, longest]
-    V = rows["volumes"] + A * (tie.lengths or (tie.length,))[0]
-    rows["stiffness"] = (A**2 * tie.bulk_modulus / V).sum()
 
 
 def _add_points(rows: Rows, chain: Chain, on_a: Array, on_b: Array) -> None:
@@ -238,5 +233,5 @@ def closed(ties: Ties, chain: Chain, q: Array, qd: Array, t: float) -> tuple[Arr
         k = int(moved.argmax())
         text = f"joint {chain.joint_name(k)!r} moved by {moved[k]:.3g} {chain.joint_units[k]}"
         text = f"ties closed at the start, up to {far:.3g} apart before [m, rad]: {text}"
-        warnings.warn(Diagnostic(f"{chain.name}: {text}", "ties-closed"), RuntimeWarning, stacklevel=4)
+        warnings.warn(Diagnostic(f"{chain.name}: {text}", "ties-closed"), RuntimeWarning, stacklevel=5)
     return q, qd

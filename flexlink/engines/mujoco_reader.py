@@ -43,7 +43,12 @@ def fill(model: Any, theirs: Coordinates, fields: Mapping[str, Array]) -> None:
 
 def read(model: Any, spec: Any = None, reference: Array | None = None) -> ReadBack:
     """Return the record of a model; with its MjSpec, also the settings that changed values."""
-    _require_joints(model)
+    kinds = []
+    for number, kind in enumerate(model.jnt_type):
+        name = mujoco.mjtJoint(kind).name.removeprefix("mjJNT_").lower()
+        known = name in {"hinge", "slide"} or (name == "free" and number == 0)
+        kinds.append((_name(model, "joint", number), "" if known else name))
+    require_joints(kinds)
     data, joints = mujoco.MjData(model), model.dof_jntid
     zero = coordinates(model, np.arange(model.nv), reference)
     data.qpos[:] = zero.position(np.zeros(model.nv))
@@ -81,15 +86,6 @@ def read(model: Any, spec: Any = None, reference: Array | None = None) -> ReadBa
         integrator=_integrator(model), step=float(model.opt.timestep),
         bodies=tuple(mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, b) or "" for b in model.dof_bodyid),
     )  # fmt: skip
-
-
-def _require_joints(model: Any) -> None:
-    kinds = []
-    for k, kind in enumerate(model.jnt_type):
-        name = mujoco.mjtJoint(kind).name.removeprefix("mjJNT_").lower()
-        known = name in {"hinge", "slide"} or (name == "free" and k == 0)
-        kinds.append((_name(model, "joint", k), "" if known else name))
-    require_joints(kinds)
 
 
 def _first(values: Array) -> Array:

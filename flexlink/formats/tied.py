@@ -55,7 +55,9 @@ def add_ties(root: ET.Element, chain: Chain, scene: Scene, *, timestep: float) -
     length = ties[0]["length"] + moved[0]
     g, J, _ = gaps(ties, bare, np.zeros(bare.n), scene.initial.time)  # g = l₀ − l of distances
     moves = np.abs(J).max(axis=1) > 1e-9 * bare.size
-    joints, bodies = xml_joint_names(chain), _bodies(root, bare)
+    joints, found = xml_joint_names(chain), {body.get("name", ""): body for body in root.iter("body")}
+    # all bodies without small masses, −1 for frame 0; None: not in the file
+    bodies = {-1: root.find("worldbody")} | {k: found.get(name) for k, name in enumerate(body_names(bare))}
     for tie, own in rows_by_tie(scene.ties):
         rows, first = ties[0][own], own.start
         if tie.kind == "distance" and tie.stiffness is None and not moves[first]:
@@ -64,12 +66,6 @@ def add_ties(root: ET.Element, chain: Chain, scene: Scene, *, timestep: float) -
             _on_joint(root, tie, rows[0], joints)
         else:
             _on_points(root, bodies, tie, rows, length[first], -g[first])
-
-
-def _bodies(root: ET.Element, bare: Chain) -> dict[int, ET.Element | None]:
-    """Elements of all bodies of a chain without small masses, −1 for frame 0; None: not in the file."""
-    found = {body.get("name", ""): body for body in root.iter("body")}
-    return {-1: root.find("worldbody")} | {k: found.get(name) for k, name in enumerate(body_names(bare))}
 
 
 def _on_joint(root: ET.Element, tie: Tie, row: np.void, joints: Sequence[str]) -> None:

@@ -24,7 +24,7 @@ from flexlink.identification.identifiability import Check, checked
 from flexlink.identification.interval import Rise, estimates, profiled, spread_at, widened, without_ends
 from flexlink.identification.likelihood import in_two_steps, information_of, likelihood
 from flexlink.identification.problem import FitProblem
-from flexlink.identification.remarks import hertz_in_rad_per_s, notes, ranges_apart, warnings, with_reasons
+from flexlink.identification.remarks import mixed_up, notes, ranges_apart, warnings, with_reasons
 from flexlink.identification.signals import Signals
 from flexlink.identification.solve import Bar, Found, Search, start_points, watch_with
 from flexlink.identification.systematic import Grid, Systematic
@@ -222,7 +222,7 @@ def _check(
 ) -> Check:  # fmt: skip
     """Check identifiability and the Jacobian's error by two step sizes; with a `tolerance` of runs, the grid's."""
     at, finer = in_two_steps(signals, x, blocks)
-    doubts = [*data_notes, *ranges_apart(at), *hertz_in_rad_per_s(at), *mixups(at)]
+    doubts = [*data_notes, *ranges_apart(at), *mixed_up(at), *mixups(at)]
     check = information_of(at, finer).check
     check = check._replace(directions=with_reasons(signals, x, check.directions), notes=tuple(doubts))
     if check.lost or tolerance is None or not systematic.bends(at.sources[0].scene):

@@ -66,7 +66,9 @@ def spread_of(parts: Sequence[Part], priors: Array, coefficients: int = 0) -> Sp
             independent += sum(len(e) / one.correlation_length for e, one in zip(residuals, of_part, strict=True))
             samples += sum(map(len, residuals))
             coefficients += sum(len(one.a) - 1 for one in of_part)
-    inverse = _inverse(bread)
+    size = np.sqrt(np.diag(bread))
+    size = np.where(size > 0, size, 1.0)  # so that the result does not depend on units
+    inverse = np.linalg.pinv(bread / size[:, None] / size, rcond=1e-14, hermitian=True) / size[:, None] / size
     if samples:
         meat = meat * (samples + coefficients) / max(samples - coefficients, 1)
     freedom = max(independent - lost, 1.0) if samples else math.inf
@@ -107,13 +109,6 @@ def _absorbed(slopes: Sequence[Array], covariance: Array) -> Array:
         twice[[0, -1]] = 1.0
         total += ((F.conj().T * (twice * g)) @ F).real / (2 * n)
     return total
-
-
-def _inverse(bread: Array) -> Array:
-    """Inverse of a normal matrix, scaled so that the result does not depend on units."""
-    size = np.sqrt(np.diag(bread))
-    size = np.where(size > 0, size, 1.0)
-    return np.asarray(np.linalg.pinv(bread / size[:, None] / size, rcond=1e-14, hermitian=True) / size[:, None] / size)
 
 
 def spread_at(at: Likelihood, loss: Loss = "linear") -> Spread:

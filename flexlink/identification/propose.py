@@ -70,8 +70,12 @@ def propose(problem: FitProblem | Fitted, experiments: str | Path | Experiments 
     fitted = problem if isinstance(problem, Fitted) else None
     of = problem.problem if isinstance(problem, Fitted) else require_type("problem", problem, FitProblem)
     coordinates, sources, assumed = coordinates_of(of), sources_of(of, "fit"), list[Diagnostic]()
-    if fitted is not None:
-        x = _at_solution(fitted, coordinates, sources)
+    if fitted is not None:  # runs get the noise that the fit estimated, unless this is 0, of exact data
+        solution = {one.name: one.value for one in fitted.numbers}
+        noise = {(one.source, one.name): one.noise for one in fitted.columns if one.t is not None and one.noise > 0}
+        for source in sources:
+            source.blocks = tuple(block.with_deviation(noise.get((source.name, block.name))) for block in source.blocks)
+        x = np.array([one.x(solution[one.name]) for one in coordinates])
     else:
         x, of_noise = guess_of(coordinates), {"assumed-noise", "estimated-noise"}
         assumed = [one for one in notes(sources) if one.id in of_noise]
@@ -96,15 +100,6 @@ def _given(experiments: str | Path | Experiments | None) -> Experiments:
         return base
     more = experiments if isinstance(experiments, Experiments) else Experiments.load(experiments)
     return Experiments(**{key: getattr(base, key) + getattr(more, key) for key in Experiments.__struct_fields__})
-
-
-def _at_solution(fitted: Fitted, coordinates: Sequence[Coordinate], sources: Sequence[Source]) -> Array:
-    """Coordinates at the solution of a fit; runs get the noise that it estimated, unless this is 0, of exact data."""
-    values = {one.name: one.value for one in fitted.numbers}
-    noise = {(one.source, one.name): one.noise for one in fitted.columns if one.t is not None and one.noise > 0}
-    for source in sources:
-        source.blocks = tuple(block.with_deviation(noise.get((source.name, block.name))) for block in source.blocks)
-    return np.array([one.x(values[one.name]) for one in coordinates])
 
 
 def _present(

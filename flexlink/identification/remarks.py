@@ -86,15 +86,21 @@ def _times_fitted(one: FittedColumn, columns: Sequence[FittedColumn]) -> float:
     return one.off(one.after) / largest if one.use == "check" and largest > 0 else 0.0
 
 
-def hertz_in_rad_per_s(at: Likelihood) -> list[Diagnostic]:
-    """Warnings about measured frequencies that are 2π times the predictions at the initial guess."""
-    found = []
+def mixed_up(at: Likelihood) -> list[Diagnostic]:
+    """Warnings about single numbers in another unit or of the other sign, by their predictions at the initial guess."""
+    found, mistakes = [], (  # by the unit: the measured over the predicted number, its tolerance, and what is likely
+        ("Hz", 2 * np.pi, 1.05, "2π times", "likely given in rad/s: in Hz"),
+        ("m", 1e3, 3.0, "about 1000 times", "likely given in mm: in m"),
+        ("m", -1.0, 3.0, "opposite to", "check the axis and the sign of the load: likely"),
+    )  # fmt: skip
     for source, part in zip(at.sources, at.rows, strict=True):
         for block, y, *_ in part:
-            if block.t is None and block.unit == "Hz" and np.allclose(block.y, 2 * np.pi * y, rtol=0.05, atol=0):
-                given, true = (", ".join(f"{f:.4g}" for f in row) for row in (block.y, block.y / (2 * np.pi)))
-                text = f"{source.name}: hertz = [{given}]: 2π times the predictions at the initial guess; likely "
-                found.append(Diagnostic(f"{text}given in rad/s: in Hz [{true}]", "likely-unit"))
+            ratio = np.divide(block.y, y, out=np.zeros(y.shape), where=y != 0)
+            for unit, factor, within, times, likely in mistakes * (block.t is None):
+                if unit == block.unit and ((ratio / factor > 1 / within) & (ratio / factor < within)).all():
+                    given, true = (", ".join(f"{f:.4g}" for f in row) for row in (block.y, block.y / factor))
+                    text = f"{source.name}: {block.name} = [{given}]: {times} the predictions at the initial guess; "
+                    found.append(Diagnostic(f"{text}{likely} [{true}]", "likely-unit"))
     return found
 
 

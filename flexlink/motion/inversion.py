@@ -301,20 +301,14 @@ def driven_scene(scene: Scene, chain: Chain, found: Feedforward) -> tuple[Scene,
         times=table, torques=per_link(scene, chain, acting_torques(scene, found)), smooth=True, effort=drive.effort,
         rate=drive.rate, delay=drive.delay,
     )  # fmt: skip
-    spacing = _spacing(scene, found.move.duration)
+    parts = math.ceil(50 * run.spacing / found.move.duration - 1e-9)  # 50 samples per move show its error
+    if drive.rate is not None or not run.controlled:  # samples are at sampling instants, or at ends of steps
+        units = round(run.spacing * (drive.rate or 1.0 / run.fixed_step))
+        parts = next((k for k in range(parts, units) if units % k == 0), max(1, units))
+    spacing = float(f"{run.spacing / parts:.12g}")
     samples = math.ceil(max(run.duration + shift, times[-1]) / spacing - 1e-9)
     changes = {"run.sample": spacing, "run.duration": float(f"{samples * spacing:.12g}")}
     return scene.varied({"drive": driven, "initial": _at_rest(scene, chain, q[0]), **changes}), shift
-
-
-def _spacing(scene: Scene, duration: float) -> float:
-    """Time between samples: as in the scene, or a fraction that gives 50 samples per move, which show its error."""
-    run, rate = scene.run, scene.drive.rate
-    parts = math.ceil(50 * run.spacing / duration - 1e-9)
-    if rate is not None or not run.controlled:  # samples are at sampling instants, or at ends of steps
-        units = round(run.spacing * (rate or 1.0 / run.fixed_step))
-        parts = next((k for k in range(parts, units) if units % k == 0), max(1, units))
-    return float(f"{run.spacing / parts:.12g}")
 
 
 def _as_beam(scene: Scene, tolerance: float) -> Scene:

@@ -298,13 +298,11 @@ class Monitor:
             q, qd = self.record.q[: self.n_valid], self.record.qd[: self.n_valid]
             rounded = float(rounded_away(self.run, q, qd, np.array(self.record.chain.size)))
         moved = self.extent if tip_error or rounded else np.inf
-        drive = self.record.inputs.drive
-        if drive.law != TABLE and (part := self.at_limit.mean(axis=0)).max(initial=0.0) > Thresholds.held:
-            joint = self.record.chain.joint_name(int(drive.joints[np.argmax(part)]))
-            text = (
-                f"the drive of {joint!r} is at its limit for {100 * part.max():.0f} % of the run and hardly controls it"
-            )
-            yield Diagnostic(f"{text}; raise drive.effort or slow the motion", "drive-at-limit")
+        if self.record.inputs.drive.law != TABLE and (part := self.at_limit.mean(axis=0)).max() > Thresholds.held:
+            joint = self.record.chain.joint_name(int(self.record.inputs.drive.joints[np.argmax(part)]))
+            text = f"the drive of {joint!r} is at its limit for {100 * part.max():.0f} % of the run"
+            text += " and hardly controls it; raise drive.effort or slow the motion"
+            yield Diagnostic(text, "drive-at-limit")
         if tip_error > Thresholds.doubt * Thresholds.tip_share * moved:
             text = f"step errors add up to {tip_error:.2g} m, {motion_in_words(self.record.chain, moved)}"
             yield Diagnostic(f"doubtful: {text}; halve the step and compare", "doubtful-step-errors")
@@ -333,8 +331,10 @@ class Monitor:
 
     @property
     def at_limit(self) -> NDArray[np.bool_]:
-        """Whether each driven joint's torque is at its limit, shape (valid samples, d)."""
+        """Whether each driven joint's torque is at its limit, shape (valid samples, d); (1, 1) without limits."""
         drive = self.record.inputs.drive
+        if min(drive.effort.tolist(), default=np.inf) == np.inf:
+            return np.zeros((1, 1), bool)
         return np.abs(self.record.tau[: self.n_valid, drive.joints]) >= drive.effort
 
     @property

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Never
 from msgspec.structs import replace
 from numpy.typing import ArrayLike
 
-from flexlink.chain.arguments import refuse_unknown, require_callable, require_type
+from flexlink.chain.arguments import refuse_call, refuse_unknown, require_callable, require_type
 from flexlink.common.errors import ArgumentError
 from flexlink.common.interruption import deferred
 from flexlink.common.memo import Kept, Memo
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 def simulate(
-    scene: Scene, *, progress: Callable[[float], None] | None = None, method: str | None = None,
+    scene: Scene, *_more: Never, progress: Callable[[float], None] | None = None, method: str | None = None,
     step: float | None = None, duration: float | None = None, sample: float | None = None,
     solver: ForwardSolver | None = None, unstable: Unstable | None = None, tolerance: float | None = None,
     relative_tolerance: float | None = None, accuracy: Accuracy | None = None, max_evaluations: float | None = None,
@@ -70,7 +70,7 @@ def simulate(
     after
         A run whose last sample this run starts from, in place of `q0`, `qd0` and `t0`. Torques of a delayed law that
         were on their way then act in this run.
-    **unknown
+    *_more, **unknown
         Refused; the message names what was probably meant.
 
     Returns
@@ -112,6 +112,8 @@ def simulate(
     >>> undriven = scene.varied({"drive": fl.Drive()})
     >>> lazy = fl.simulate(undriven, control=damp, rate=1000.0, duration=0.1)
     """
+    if _more:
+        refuse_call(simulate, "too many positional arguments")
     refuse_unknown(simulate, unknown)
     require_callable("progress", progress)
     settings = {

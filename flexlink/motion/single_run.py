@@ -223,13 +223,15 @@ def _compared(first: Monitor, before: Array | None, stop: Stop) -> Monitor:
     gap = wider = None  # of the last run but one, from the last; of the run before it
     runs, distance = [first], None  # distance of the last two runs, in tolerances
     with contextlib.suppress(StopIteration):
-        while (other := _other(first, finer.send(distance), before, stop, len(runs), motion)) is not None:
+        while not verification.too_dear(runs, run := finer.send(distance)):
+            if (other := _other(first, run, before, stop, len(runs), motion)) is None:
+                break
             sound = estimated_error(other)[-1] <= first.tolerance
-            for run in dict.fromkeys((first, runs[-1])):
-                found = compared_with(other, run, first)
+            for own in dict.fromkeys((first, runs[-1])):
+                found = compared_with(other, own, first)
                 distance = float(found.tip.max()) / first.tolerance
                 if sound and distance <= 1.0:
-                    return _confirmed(run, first, found)
+                    return _confirmed(own, first, found)
             wider, gap = gap, found
             runs.append(other)
             if motion is not None:
@@ -283,8 +285,7 @@ def _other(
         drive = drive._replace(held=drive.held.copy(), next_instant=drive.next_instant.copy())
         return dataclasses.replace(problem, inputs=problem.inputs._replace(drive=drive))
 
-    fewest = 2000  # of a run that is given up: a short part of a motion, or one without vibrations, takes very few
-    most = verification.GIVEN_UP * max(fewest, first.steps.evaluations) * (1.0 + longer / run.duration)
+    most = verification.evaluations_within(first) * (1.0 + longer / run.duration)
     halved = k > 0 and run.method == first.steps.method
     try:
         settings = build_validated(replace, run, duration=run.duration + longer) if longer else run

@@ -14,7 +14,7 @@ replaces it if it misses its tolerance.
 """
 
 import math
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -141,6 +141,19 @@ def runs_of_other_order(run: RunSettings, name: str, size: float, least: float =
         before = tolerance
         distance = yield _with(run, other, tolerance)
         part *= min(STRICTER, STRICTER**0.5 / distance) if distance else STRICTER
+
+
+def evaluations_within(first: Monitor) -> float:
+    """Number of evaluations after which a verification run of the first run is given up."""
+    fewest = 2000  # of a run that is given up: a short part of a motion, or one without vibrations, takes very few
+    return GIVEN_UP * max(fewest, first.steps.evaluations)
+
+
+def too_dear(runs: Sequence[Monitor], run: RunSettings) -> bool:
+    """Whether the next of these runs would be given up, as the evaluations of the last one let expect."""
+    dearer = 1.5  # evaluations for a tenth of the tolerance; of 280 runs that ended it leaves out one, of 44 others 27
+    decades = math.log10(runs[-1].run.tolerance_within(1.0) / run.tolerance_within(1.0))
+    return len(runs) > 1 and runs[-1].steps.evaluations * dearer**decades > evaluations_within(runs[0])
 
 
 def unknown(monitor: Monitor) -> Diagnostic:

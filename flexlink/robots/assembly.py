@@ -28,7 +28,10 @@ def assembled(
 ) -> tuple[Scene, list[ImportedLink]]:
     """Return the scene and its imported links; Young's moduli are not yet tuned to frequencies."""
     ends = short_list([tip.link for tip in way.tips])
-    names = _names(way)
+    own = [part.link for part in way.parts]
+    at_tips = [tip.link if tip.link not in own else f"{tip.link} frame" for tip in way.tips]
+    # names of parts are the links', unless another part must refer to the base
+    names = unique([BASE, *own, *at_tips]) if way.bears(0) > 1 else [BASE, *unique([*own, *at_tips])]
     parts = list(_imported_links(way, names, flexible, armature))
     links, starts = list[Link](), list[float]()
     for number, (part, imported) in enumerate(zip(way.parts, parts, strict=True), 1):
@@ -55,13 +58,6 @@ def assembled(
         run=RunSettings(relative_tolerance=1e-4),
     )
     return scene, parts
-
-
-def _names(way: Paths) -> list[str]:
-    """Unique names of the base, parts and tips: of parts the links', unless another part must refer to the base."""
-    links = [part.link for part in way.parts]
-    tips = [tip.link if tip.link not in links else f"{tip.link} frame" for tip in way.tips]
-    return unique([BASE, *links, *tips]) if way.bears(0) > 1 else [BASE, *unique([*links, *tips])]
 
 
 def _attached(link: Link, on: str, before: list[Link]) -> Link:

@@ -149,8 +149,8 @@ def test_a_public_function_documents_its_parameters_result_and_errors(function: 
     named = {
         name
         for line in docstring.splitlines()
-        if re.fullmatch(r"\**\w+(, \w+)*", line)
-        for name in line.lstrip("*").split(", ")
+        if re.fullmatch(r"\**\w+(, \**\w+)*", line)
+        for name in re.findall(r"\w+", line)
     }
     assert set(inspect.signature(function).parameters) <= named
 

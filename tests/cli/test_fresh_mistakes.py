@@ -1,13 +1,19 @@
 """Mistakes of new users: options without effect, arguments of other kinds, names of results, units of cylinders."""
 
+import json
+import pickle
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 import flexlink as fl
+from flexlink.chain.arguments import explained
 from flexlink.cli.main import main
 from flexlink.describe.plausibility.hints import hints
+from flexlink.dynamics.notes import notes
 from tests.support.words import refused, refused_line, reviewed
 
 SCENE = fl.load_scene("models/paper_fig5.toml")
@@ -119,3 +125,75 @@ def test_uncertain_paths_need_no_quotes(tmp_path: Path) -> None:
     (tmp_path / "scene.toml").write_text(f"{text}\n[uncertain]\nmaterial.aluminium.young = 0.02\n", encoding="utf-8")
     ((path, u),) = fl.load_scene(tmp_path / "scene.toml").uncertain.items()
     assert (path.split("."), u) == (["material", "aluminium", "young"], 0.02)
+
+
+@pytest.mark.parametrize("call", [
+    lambda: fl.simulate(SCENE, 0.2),
+    lambda: fl.simulate_many(SCENE, 8),
+    lambda: fl.compare(SCENE, SCENE),
+    lambda: fl.sweep(SCENE, {"tip.mass": [1.0, 2.0]}),
+    lambda: fl.to_urdf(fl.lump(SCENE), "arm.urdf"),
+    lambda: fl.fit(SCENE, "data.csv"),
+    lambda: fl.advise(SCENE, tips=1e-3),
+    lambda: fl.modes(fl.lump(SCENE), n=4),
+    lambda: fl.initial_state(fl.lump(SCENE)),
+], ids=["simulate", "many", "compare", "sweep", "urdf", "fit", "advise", "modes", "state"])  # fmt: skip
+def test_a_call_that_does_not_fit_is_refused_with_what_the_function_takes(call: Callable[[], object]) -> None:
+    with refused(fl.errors.ArgumentError, "wrong-arguments"):
+        call()
+
+
+def test_a_type_error_inside_a_function_is_no_wrong_call() -> None:
+    with pytest.raises(TypeError, match="unsupported operand"):
+        explained(lambda t: t + "1")(0.0)
+
+
+def test_public_functions_are_pickled_by_name() -> None:
+    assert pickle.loads(pickle.dumps(fl.simulate_many)) is fl.simulate_many
+
+
+@pytest.mark.parametrize("call", [
+    lambda: fl.jacobian(fl.lump(SCENE), fl.lump(SCENE).rest) @ fl.lump(SCENE).rest,
+    lambda: fl.compare(fl.simulate(SCENE, duration=0.01)),
+], ids=["two matrices", "a run"])  # fmt: skip
+def test_a_result_in_place_of_another_object_names_the_field_to_give(call: Callable[[], object]) -> None:
+    with refused(fl.errors.ArgumentError, "wrong-type"):
+        call()
+
+
+def test_two_scenes_are_compared_by_an_exported_one(capsys) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["compare", "models/paper_fig5.toml", "models/two_mass_joint.toml"])
+    reviewed("two scenes compared", capsys.readouterr().err)
+
+
+def test_an_inertia_in_the_order_of_urdf_is_hinted() -> None:
+    """A body with moments 8, 7 and 4 kg m²: in the wrong order 8, 0.5 and 0.2, with products of 7, 0.1 and 4."""
+    light = fl.RigidBody(mass=1.0, inertia=(8e3, 5e2, -2e2, 7e3, 1e2, 4e3))
+    with refused(fl.errors.SceneError, "inertia-impossible"):
+        fl.lump(SCENE.varied({"tip": light}))
+    scene = SCENE.varied({"tip": fl.RigidBody(mass=200.0, inertia=(8.0, 0.5, 0.2, 7.0, 0.1, 4.0))})
+    (note,) = (each for each in notes(scene) if each.id == "inertia-of-no-body")
+    reviewed(note.id, note)
+    mended = scene.varied({"tip.inertia": tuple(json.loads(note[note.rindex("[") :]))})
+    assert note.id not in {each.id for each in notes(mended)}
+
+
+def test_limits_in_radians_that_exclude_the_start_are_given_in_degrees_as_well() -> None:
+    with refused(fl.errors.SceneError, "outside-limits"):
+        SCENE.varied({"link.fore.joint.limits_deg": (-0.35, 1.05), "initial.joint_deg": (0.0, 0.0, -20.0)})
+
+
+@pytest.mark.parametrize("times", [1.0, 2 * np.pi])
+def test_a_shaper_in_radians_per_second_is_hinted(times: float) -> None:
+    chain = fl.lump(SCENE)
+    slowest = fl.natural_frequencies(chain, fl.initial_state(SCENE, chain)[0], locked=chain.active)[0] / (2 * np.pi)
+    move = fl.Reference(
+        profile="trapezoidal", to_deg=(0.0, 10.0, 10.0), max_rate_deg=(30.0,) * 3, max_acceleration_deg=(60.0,) * 3
+    )
+    shaper = fl.InputShaper(kind="ZV", frequency_hz=(times * slowest,))
+    drive = fl.Drive(kind="pd", kp=(0.0, 1e3, 1e3), kd=(0.0, 10.0, 10.0), reference=replace(move, shaper=shaper))
+    found = [each for each in notes(SCENE.varied({"drive": drive})) if each.id == "likely-unit"]
+    assert len(found) == (times > 1)
+    for each in found:
+        reviewed(each.id, each)

@@ -115,6 +115,19 @@ class TestTimes:
             for note in found:
                 reviewed("likely-unit", note)
 
+    @pytest.mark.parametrize("times", [1.0, 1000.0, -1.0], ids=["right", "in mm", "of the other sign"])
+    def test_a_note_reports_a_static_position_in_mm_or_of_the_other_sign(self, times: float) -> None:
+        scene = strip()
+        sag = fl.solve_static(fl.lump(scene)).q
+        change = fl.tip_position(fl.lump(scene), sag)[2] - fl.tip_position(fl.lump(scene.varied({"tip.mass": 0.0})),
+            fl.solve_static(fl.lump(scene.varied({"tip.mass": 0.0}))).q)[2]  # fmt: skip
+        read = fl.fits.FitStatic(axis="z", value=1.1 * times * float(change), deviation=1e-4, before={"tip.mass": 0.0})
+        of = problem(scene, ("material.steel.young",), static=(read,))
+        found = [note for note in fl.fits.check_fit(of).notes if note.id == "likely-unit"]
+        assert len(found) == (times != 1.0)
+        for note in found:
+            reviewed("likely-unit", note)
+
     def test_frequencies_must_increase_with_the_number_of_the_mode(self) -> None:
         with refused(fl.errors.SceneError, "modes-not-increasing"):
             fl.fits.FitModes(hertz=(80.0, 12.0), deviation=(0.1,))

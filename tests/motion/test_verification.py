@@ -3,6 +3,7 @@
 import re
 import signal
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from flexlink.results.tip_motion import largest_distance
 from tests.campaigns.random_jumps import random_jump
 from tests.conftest import ROOT, compiled, flexible, make_scene
 from tests.support.words import reviewed
+from validation.advice.scenes import tumbling_scene
 from validation.extremes.families import moving
 from validation.random_arms import Dice
 
@@ -329,3 +331,20 @@ def test_a_run_by_a_law_in_python_that_may_amplify_what_it_reads_is_doubtful() -
     (text,) = fl.simulate(arm.scene, relative_tolerance=1e-3, **arm.arguments).warnings
     assert text.id == "doubtful-comparison"
     reviewed(text.id, text)
+
+
+def test_a_comparison_run_that_would_be_given_up_is_not_begun(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The motion is chaotic: three decades of the tolerance cost the second comparison run four times the first."""
+    began: list[int] = []
+    other = single._other
+
+    def counted(first: Any, *given: Any) -> Any:
+        found = other(first, *given)
+        began.append(found.steps.evaluations)
+        return found
+
+    monkeypatch.setattr(single, "_other", counted)
+    run = fl.simulate(tumbling_scene(2), step=None, method="auto", tolerance=1e-2)
+    assert [warning.id for warning in run.warnings] == ["doubtful-comparison"]
+    assert len(began) == 2
+    assert began[1] * 1.5**3 > 50 * 2000 > began[1]

@@ -53,7 +53,9 @@ def inverse_motion(chain: Chain, path: TipPath) -> InverseMotion:
     span, change, factors = float(np.ptp(q, axis=0).max()), np.inf, None
     best = InverseMotion(q, q, q, q, np.inf)
     for _ in range(60):
-        qd, qdd = _differences(q, path.spacing)
+        padded = np.concatenate([q[:1], q[:1], q[:1], q, q[-1:], q[-1:], q[-1:]])  # at rest before and after
+        windows = np.lib.stride_tricks.sliding_window_view(padded, DIFFERENCES.shape[1], axis=0)
+        qd, qdd = windows @ DIFFERENCES[0] / path.spacing, windows @ DIFFERENCES[1] / path.spacing**2
         try:
             torque = required_torque(chain, q, qd, qdd, path.wrench)
             if change > 1e-4:  # else Newton's matrix is known well enough
@@ -76,14 +78,6 @@ def inverse_motion(chain: Chain, path: TipPath) -> InverseMotion:
             break
         q = q + correction.reshape(q.shape)
     return best
-
-
-def _differences(q: Array, h: float) -> tuple[Array, Array]:
-    """Rates and accelerations (m, n) of angles (m, n) that are at rest before and after."""
-    padded = np.concatenate([q[:1], q[:1], q[:1], q, q[-1:], q[-1:], q[-1:]])
-    windows = np.lib.stride_tricks.sliding_window_view(padded, DIFFERENCES.shape[1], axis=0)
-    rate, second = DIFFERENCES
-    return windows @ rate / h, windows @ second / h**2
 
 
 def _factored(

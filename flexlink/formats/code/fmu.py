@@ -91,7 +91,14 @@ def to_fmu(
             f'<fmiBuildDescription fmiVersion="3.0"><BuildConfiguration modelIdentifier="{name}"><SourceFileSet '
             f'language="C99"><SourceFile name="{name}.c"/></SourceFileSet></BuildConfiguration></fmiBuildDescription>'
         ).encode()
-    return _archive(files | (_library(source, name, fmi) if require_bool("binary", binary) else {}))
+    files |= _library(source, name, fmi) if require_bool("binary", binary) else {}
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for path, content in files.items():
+            entry = zipfile.ZipInfo(path, (1980, 1, 1, 0, 0, 0))  # the archive depends only on its files
+            entry.external_attr = 0o644 << 16
+            archive.writestr(entry, content, zipfile.ZIP_DEFLATED)
+    return stream.getvalue()
 
 
 def _source(model: Model, fmi: int, x: Array, u: Array, step: float) -> tuple[str, str]:
@@ -127,17 +134,6 @@ def _library(source: str, name: str, fmi: int) -> dict[str, bytes]:
             system = "linux64" if fmi == 2 and machine == "x86_64" else f"{machine}-linux"
             return {f"binaries/{system}/{name}.so": library.read_bytes()}
     raise MissingDependencyError(f"{why}; install one, or write only the sources, with binary=False", id="no-compiler")
-
-
-def _archive(files: dict[str, bytes]) -> bytes:
-    """A zip archive that depends only on its files."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive:
-        for path, content in files.items():
-            entry = zipfile.ZipInfo(path, (1980, 1, 1, 0, 0, 0))
-            entry.external_attr = 0o644 << 16
-            archive.writestr(entry, content, zipfile.ZIP_DEFLATED)
-    return stream.getvalue()
 
 
 class Variable(NamedTuple):

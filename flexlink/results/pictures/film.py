@@ -3,7 +3,6 @@
 import dataclasses
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
@@ -76,7 +75,10 @@ def film_of(run: RunSamples, *, magnify: float, colour: Colour, fps: float, spee
         raise ArgumentError(f"{what} {run.chain.name!r}; expected a run of `simulate`", id="wrong-type")
     run.warn_of_vibrations()  # the colours show loads
     scene: Scene = run.scene
-    rows = _rows(run, fps, speed)
+    wanted = run.t[0] + np.arange(frame_count(float(run.t[-1] - run.t[0]), fps, speed)) * speed / fps
+    after = np.clip(np.searchsorted(run.t, wanted), min(1, len(run.t) - 1), len(run.t) - 1)
+    before = np.maximum(after - 1, 0)
+    rows = np.asarray(np.where(wanted - run.t[before] < run.t[after] - wanted, before, after))
     shown = picked(run, rows)
     bent, rest, passive = run.q.copy(), run.chain.rest, np.array([c.link > 0 for c in run.chain.coordinates])
     passive[run.chain.active] = False
@@ -99,14 +101,6 @@ def frame_count(lasts: float, fps: float, speed: float) -> int:
         text += f"speed of at least {1.01 * lasts * fps / MOST_FRAMES:.3g}, or a lower fps"
         raise ArgumentError(text, id="too-many-frames")
     return count
-
-
-def _rows(run: RunSamples, fps: float, speed: float) -> NDArray[np.intp]:
-    """Indices of the samples that are shown."""
-    wanted = run.t[0] + np.arange(frame_count(float(run.t[-1] - run.t[0]), fps, speed)) * speed / fps
-    after = np.clip(np.searchsorted(run.t, wanted), min(1, len(run.t) - 1), len(run.t) - 1)
-    before = np.maximum(after - 1, 0)
-    return np.asarray(np.where(wanted - run.t[before] < run.t[after] - wanted, before, after))
 
 
 def placed(run: RunSamples, q: Array) -> tuple[Array, Array]:

@@ -96,19 +96,14 @@ class Projected:
         Half the visible width of a section is |y·e| a + |z·e| b, where e is the direction in the picture perpendicular
         to the arm's line. Adjacent spans share corners.
         """
-        P, spans = self.points[k], self.spans
-        across = self._across(k)
+        P, spans, outline = self.points[k], self.spans, self.film.outline
+        e = _normals(P[:, :2], outline.link)
+        seen = np.abs(np.einsum("sai,si->sa", self.view(self.film.axes[k])[..., :2], e))
+        half = np.where(outline.round, outline.across[:, 0], (seen * outline.across).sum(axis=1))
+        across = np.maximum(half, self.thinnest[0])[:, None] * e  # from the line of the arm to its edge, at stations
         left, right = P[:, :2] + across, P[:, :2] - across
         quads = np.stack([left[spans], left[spans + 1], right[spans + 1], right[spans]], axis=1)
         return quads, np.argsort(P[spans, 2] + P[spans + 1, 2], kind="stable")
-
-    def _across(self, k: int) -> Array:
-        """Vectors from the line of the arm to its edge at every station, shape (s, 2)."""
-        outline, P = self.film.outline, self.points[k, :, :2]
-        e = _normals(P, outline.link)
-        seen = np.abs(np.einsum("sai,si->sa", self.view(self.film.axes[k])[..., :2], e))
-        half = np.where(outline.round, outline.across[:, 0], (seen * outline.across).sum(axis=1))
-        return np.asarray(np.maximum(half, self.thinnest[0])[:, None] * e)
 
     @functools.cached_property
     def joint_radii(self) -> Array:

@@ -51,7 +51,11 @@ def made(study: Study) -> Part | None:
     verdict = Verdict("Measurements", "info", _with_unit(off, name), text)
     tables = [_columns(study, comparison, best)]
     if fits:
-        tables.append(_numbers(fits))
+        heads = ("parameter", "in the scene", "fitted", "±", "factor", "remaining difference", "path")
+        lines = tuple(
+            (f.number.what, f.number.value, f.value, f.spread, f.factor, f.remaining, f.number.path) for f in fits
+        )
+        tables.append(Table("numbers", "Parameters of the scene, each fitted alone", heads, lines))
     pictures = tuple(_pictures(study, comparison, best))
     return Part(tuple(filter(None, sentences)), (verdict,), pictures, tuple(tables))
 
@@ -102,14 +106,6 @@ def _columns(study: Study, comparison: Comparison, best: Fit | None) -> Table:
     if best:
         heads.append("RMS after fitting")
     return Table("measured", "Run minus measurement", tuple(heads), tuple(lines))
-
-
-def _numbers(fits: Sequence[Fit]) -> Table:
-    heads = ("parameter", "in the scene", "fitted", "±", "factor", "remaining difference", "path")
-    lines = tuple(
-        (f.number.what, f.number.value, f.value, f.spread, f.factor, f.remaining, f.number.path) for f in fits
-    )
-    return Table("numbers", "Parameters of the scene, each fitted alone", heads, lines)
 
 
 def _pictures(study: Study, comparison: Comparison, best: Fit | None) -> Iterator[Picture]:
