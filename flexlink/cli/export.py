@@ -91,7 +91,7 @@ def _code_writers(options: argparse.Namespace) -> dict[Path, Callable[..., str |
     for path, write, end, what in known:
         if path is not None:
             ending(path, (end,), what)
-            writers[path] = write
+            writers[options.out / path] = write
     if writers and len(options.scenes) > 1:
         raise ArgumentError("--c, --casadi, --fmu: one scene per file; export one at a time", id="would-overwrite")
     return writers

@@ -7,6 +7,7 @@ flexlink loop models/ptp_move.toml --set drive.rate=1000 --over drive.delay --va
 
 import argparse
 
+from flexlink.chain.arguments import integer
 from flexlink.cli.shared import prefix_errors, save_plot, varied_scene
 from flexlink.common.notebook import drawing_module
 from flexlink.motion.loop.instability import instability
@@ -16,6 +17,7 @@ from flexlink.motion.loop.loop import Loop, loop
 def run_command(options: argparse.Namespace) -> int:
     """Print poles, margins and limits of the loop; return 1 if it is unstable."""
     scene = varied_scene(options.scene, options)
+    integer("--count", options.count, 1)
     with prefix_errors(options.scene):
         found = loop(scene)
         along = found.over(options.over, options.values) if options.over else []

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from flexlink.chain.arguments import integer
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump, open_chain
 from flexlink.cli.shared import prefix_errors, save_plot, varied_scene
@@ -128,8 +129,7 @@ def _predicted(scene: Scene, options: argparse.Namespace) -> Array:
 def run_command(options: argparse.Namespace) -> int:
     """Print modes, slowest first, and plot them on request."""
     scene = varied_scene(options.scene, options)
-    if options.count < 1:
-        raise ArgumentError(f"--count = {options.count}: must be at least 1", id="out-of-range")
+    integer("--count", options.count, 1)
     with prefix_errors(options.scene):
         chain, found, first = _modes(scene, options)
         if options.uncertain:

@@ -167,6 +167,8 @@ def test_export_writes_every_format(paper: str, tmp_path: Path, capsys) -> None:
     assert main(["export", paper, "--out", str(tmp_path)]) == 0
     written = sorted(path.name for path in tmp_path.iterdir())
     assert written == [f"paper_fig5.{ending}" for ending in ("mjcf.xml", "sdf", "urdf")]
+    assert main(["export", paper, "--c", "arm.c", "-o", str(tmp_path / "code")]) == 0
+    assert [path.name for path in (tmp_path / "code").iterdir()] == ["arm.c"]
 
 
 def test_compare_returns_exit_code_0_if_engines_agree(paper: str, capsys) -> None:

@@ -223,6 +223,7 @@ def test_the_refusal_of_a_wrong_method_or_rule_names_key_and_file(kind: str, fie
         ["simulate", "--duration", "1e9"],
         ["simulate", "--duration", "4e13"],
         ["modes", "--count", "0"],
+        ["loop", "--count", "-1"],
         ["modes", "--plot", "a.foo"],
         ["compare", "--seed", "-1"],
     ],
