@@ -186,6 +186,11 @@ def test_a_gauge_at_a_jump_of_rigidity_is_refused_without_a_side() -> None:
     beam(STEPPED).varied(gauge(0.371))
     heavier = fl.Rigidity(x=STEPPED.x, ei_z=(50.0, 50.0, 50.0, 5.0), rho_a=STEPPED.rho_a)
     beam(heavier).varied(gauge(STEP))  # ρA jumps there, and EI does not
+    even = {"x": STEPPED.x, "ei_y": (50.0,) * 4, "ei_z": (50.0,) * 4, "rho_a": STEPPED.rho_a}
+    skew = fl.Rigidity(**even, k_yz=(1.0, 1.0, 2.0, 2.0))
+    with refused(SceneError, "gauge-on-jump"):
+        beam(skew, flex="yz").varied(gauge(STEP))
+    beam(skew).varied(gauge(STEP))  # a link that bends about z alone ignores it
 
 
 def test_the_factor_of_a_table_can_be_varied() -> None:

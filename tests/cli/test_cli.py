@@ -127,6 +127,13 @@ def test_the_summary_shows_the_power_balance_in_one_line(paper: str, capsys) -> 
     assert share == pytest.approx(100 * largest / exchanged, rel=0.1)
 
 
+def test_the_largest_imbalance_is_stated_whatever_its_sign_and_time(paper: str, capsys, monkeypatch) -> None:
+    monkeypatch.setattr(fl.Trajectory, "imbalance", np.array([0.0, -3e-6, 1e-6]))
+    assert main(["simulate", paper, "--duration", "0", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["imbalance_j"] == 3e-6 and " 3e-06 J" in line("\n".join(found["lines"]), "E − E(0) − W")
+
+
 def test_a_run_without_duration_saves_only_the_initial_state(paper: str, capsys) -> None:
     assert main(["simulate", paper, "--duration", "0"]) == 0
     first = capsys.readouterr().out.splitlines()[0]

@@ -35,7 +35,7 @@ REFUSED = {
     "no-such-column": ["t [s],tip x [km]\n0,1\n1,1\n", "tip x [m]\n1\n2\n", "t [s]\n0\n1\n",
                        "t [s],tip x [m],tip x [mm]\n0,1,1\n1,1,1\n"],
     "csv-cell": [f"t [s],tip x [m]\n0,1\n1{cell}\n" for cell in (",one", ",inf", "")],
-    "times-not-increasing": ["t [s],tip x [m]\n1,1\n0,1\n", "t [s],tip x [m]\n0,1\n"],
+    "times-not-increasing": ["t [s],tip x [m]\n1,1\n0,1\n-1,1\n", "t [s],tip x [m]\n0,1\n"],
 }  # fmt: skip
 
 

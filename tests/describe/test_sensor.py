@@ -55,10 +55,14 @@ def test_quantities_that_cannot_be_measured_are_refused_by_name(id: str) -> None
 
 
 def test_a_measured_column_in_another_unit_needs_a_gain() -> None:
-    for kind, unit, factor in (("joint", "deg", 57.29577951), ("joint", "mm", 1000), ("torque", "N mm", 1000)):
-        with refused(fl.errors.SceneError, "unit-missing"):
+    for kind, unit, factor in (
+        ("joint", "deg", 57.29577951), ("joint", "mm", 1000), ("torque", "N mm", 1000),
+        ("accelerometer", "g", 0.1019716213),
+    ):  # fmt: skip
+        with refused(fl.errors.SceneError, "unit-missing") as caught:
             fl.Sensor(name="s", kind=kind, link=1, unit=unit)
-        assert fl.Sensor(name="s", kind=kind, link=1, unit=unit, gain=factor).columns() == (f"s [{unit}]",)
+        assert f" {factor} ({unit} per " in str(caught.value)
+        assert fl.Sensor(name="s", kind=kind, link=1, unit=unit, gain=factor).columns()[0].endswith(f" [{unit}]")
     assert fl.Sensor(name="s", kind="torque", link=1, unit="V").columns() == ("s [V]",)  # 1 V per N m
 
 

@@ -226,11 +226,11 @@ def test_other_files_are_refused_in_one_line(format, text: str) -> None:
 
 
 @EVERY
-@pytest.mark.parametrize("field", ["damping", "coulomb"])
-def test_a_negative_spring_damper_or_friction_is_refused_by_name(format, field: str) -> None:
+@pytest.mark.parametrize(("field", "value"), [("damping", -1.0), ("coulomb", -1.0), ("coulomb_width", 0.0)])
+def test_a_negative_damper_or_friction_and_friction_of_no_width_are_refused(format, field: str, value: float) -> None:
     chain = small_chain()
     hinges = chain.hinges.copy()
-    hinges[field][1] = -1.0
+    hinges[field][1] = value
     with refused(fl.errors.DataFileError, "file-content"):
         format.read(format.write(dataclasses.replace(chain, hinges=hinges)))
 

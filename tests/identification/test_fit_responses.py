@@ -198,6 +198,12 @@ class TestReading:
         bare = part(given, averages=None, deviation=0.02)
         assert measured_response(arm(), bare, "x").σ == pytest.approx([1e-4, 4e-5])
 
+    def test_an_input_in_newton_millimetres_is_converted(self) -> None:
+        given = {"f [Hz]": np.array([1.0]), "real [m/N mm]": np.array([2.0]), "imaginary": np.array([-3.0])}
+        turned = part(given, input="tau bar [N mm]", output="tip y [m]", averages=None, deviation=0.1)
+        found = measured_response(two_inertias(), turned, "x")
+        assert (found.H[0], found.name) == (pytest.approx(2e3 - 3e3j), "tip y / tau bar [m/(N m)]")
+
     @pytest.mark.parametrize(
         ("columns", "more", "id"),
         [

@@ -98,12 +98,14 @@ def test_one_reading_of_a_steel_bar_predicts_seven_others(capsys: pytest.Capture
     path.write_text(
         'scene = "bar.toml"\nparameter = [{ path = "section.bar.height" }]\n'
         "[[modes]]\nhertz = [6.599]\ndeviation = [0.025]\n"
-        '[[modes]]\nhertz = [41.45, 100.0]\nnumbers = [2, 3]\ndeviation = [0.025]\nuse = "check"\n', "utf-8",
+        "[[modes]]\nhertz = [41.45, 100.0, 260.0, 300.0]\nnumbers = [2, 3, 4, 5]\n"
+        'deviation = [0.025, 0.025, 0.025, 60.0]\nuse = "check"\n', "utf-8",
     )  # fmt: skip
     assert main(["fit", str(path), "--predict"]) == 0
     printed = capsys.readouterr().out
     line(printed, "modes 2, frequency [Hz], 1: measured", "inside")
-    line(printed, "modes 2, frequency [Hz], 2: measured", "OUTSIDE")
+    for number, off, where in ((2, "+18 %", "OUTSIDE"), (3, "-10 %", "OUTSIDE"), (4, "+29 %", "inside")):
+        line(printed, f"modes 2, frequency [Hz], {number}: measured", off, where)  # of the last, σ is 60 Hz
     path.write_text(path.read_text("utf-8").replace("[6.599]", "[6.599, 41.4]"), "utf-8")
     assert main(["fit", str(path), "--predict"]) == 2
     refused_line(capsys.readouterr().err, "needs-another-argument")

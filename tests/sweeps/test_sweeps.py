@@ -491,6 +491,7 @@ def test_files_other_than_sweep_databases_stay_unchanged(tmp_path: Path, paper: 
         "DROP TABLE rows", "DELETE FROM about", "UPDATE about SET value = 'x'", "UPDATE about SET value = '[[[' || 1",
         "UPDATE rows SET x = x + 1e-9 WHERE number = 3", "UPDATE rows SET number = -1 WHERE number = 2",
         "ALTER TABLE rows RENAME COLUMN x TO depth", "DELETE FROM checks WHERE number = 1",
+        "UPDATE rows SET number = 5 WHERE number = 2; DROP TABLE checks",  # the sweep has no member 5
     ],
 )  # fmt: skip
 def test_a_changed_database_is_refused_as_damaged(edit: str, tmp_path: Path, paper: fl.Scene) -> None:
@@ -498,7 +499,7 @@ def test_a_changed_database_is_refused_as_damaged(edit: str, tmp_path: Path, pap
     first = fl.sweep(sweep, out=out).rows
     assert fl.sweep(sweep, out=out).rows == first
     with contextlib.closing(sqlite3.connect(out)) as db, db:
-        db.execute(edit)
+        db.executescript(edit)
     damaged = out.read_bytes()
     with pytest.raises(fl.errors.OutputError) as caught:
         fl.sweep(sweep, out=out)
@@ -686,6 +687,11 @@ def test_the_sample_at_the_start_of_the_window_is_included(take: str) -> None:
     found = SweepOutput(of="tip x [m]", take=cast("Any", take), after=1.0).measure(cast("Any", run))
     expected = {"first": 5.0, "time of max": 1.0}
     assert found == expected[take]
+
+
+def test_the_error_of_a_member_is_the_largest_and_not_that_at_the_end() -> None:
+    run = SimpleNamespace(error=np.array([1e-4, 3e-4, 2e-4]))
+    assert SweepOutput(of="error [m]").measure(cast("Any", run)) == 3e-4
 
 
 def test_the_rest_position_is_the_equilibrium_under_the_last_load() -> None:
