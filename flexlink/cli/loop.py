@@ -16,14 +16,13 @@ from flexlink.motion.loop.loop import Loop, loop
 
 def run_command(options: argparse.Namespace) -> int:
     """Print poles, margins and limits of the loop; return 1 if it is unstable."""
-    scene = varied_scene(options.scene, options)
-    integer("--count", options.count, 1)
+    scene, count = varied_scene(options.scene, options), integer("--count", options.count, 1)
     with prefix_errors(options.scene):
         found = loop(scene)
         along = found.over(options.over, options.values) if options.over else []
         rows = [{options.over: x, "growth": each.growth} for x, each in zip(options.values, along, strict=True)]
-        options.document = as_document(found, options.count) | ({"over": rows} if rows else {})
-        _show(found, options.count)
+        options.document = as_document(found, count) | ({"over": rows} if rows else {})
+        _show(found, count)
         for row in rows:
             print(f"{options.over} = {row[options.over]:g}: growth {row['growth']:.6g}")
         if options.plot:

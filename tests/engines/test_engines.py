@@ -378,13 +378,16 @@ def test_engines_with_their_own_stepping_support_only_smooth_pd_references() -> 
 
 
 def test_a_mujoco_servo_control_is_divided_by_its_gear_ratio() -> None:
-    """A servo, kp (u − r q) r, moves its joint to q = u / r, so `gear` is 1/r; for a motor it is the gear ratio r."""
+    """A servo, kp (u − r q) r, moves its joint to q = u / r, so `gear` is 1/r; for a motor it is the gear ratio r.
+
+    The range of controls u limits the torque of a motor, r u, and not that of a servo.
+    """
     from flexlink.engines import mujoco_reader  # noqa: PLC0415
 
     body = '<body><joint name="{0}"/><geom type="box" size=".1 .1 .1"/></body>'
     model = mujoco.MjModel.from_xml_string(
         f"<mujoco><worldbody>{body.format('a')}{body.format('b')}</worldbody><actuator>"
-        '<position joint="a" kp="30" gear="4" ctrlrange="-1 1" forcerange="-5 6"/>'
+        '<position joint="a" kp="30" gear="4" ctrlrange="-0.1 0.1" forcerange="-5 6"/>'
         '<motor joint="b" gear="-7" ctrlrange="0 3"/></actuator></mujoco>'
     )
     fields = mujoco_reader.at_joints(model)

@@ -132,6 +132,12 @@ def edited(form: str, edit: planted.Edit, chain: fl.Chain) -> str:
 URDF, SDF = "flexlink/coupling", ".//{urn:flexlink}coupling"
 
 
+def first_twice(root: ET.Element) -> None:
+    """Two dampers of 4/7 of the joints' own; a cell of `lobatto2` has 1/7."""
+    planted.scaled(URDF, "damping", 4.0, only=0)(root)
+    root.find("flexlink").append(root.find(URDF))
+
+
 @pytest.mark.parametrize(
     ("form", "edit", "id"),
     [
@@ -140,6 +146,7 @@ URDF, SDF = "flexlink/coupling", ".//{urn:flexlink}coupling"
         ("urdf", planted.each(URDF, outer="upper"), "file-content"),
         ("urdf", planted.each(URDF, stiffness="-1e9"), "file-content"),
         ("sdf", planted.each(SDF, damping="1e9"), "file-content"),
+        ("urdf", first_twice, "file-content"),
         ("urdf", planted.each(URDF, stiffness="stiff"), "file-content"),
         ("urdf", planted.each(URDF, damping=None), "file-content"),
     ],

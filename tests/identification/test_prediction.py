@@ -1,14 +1,18 @@
 """One number fitted to one reading predicts others, with what soft clamps leave open: closed forms, a steel bar."""
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 import flexlink as fl
+from flexlink.cli.fit import _predict
 from flexlink.cli.main import main
 from flexlink.identification.prediction import predictions
+from flexlink.motion.intervals import Intervals
 from tests.support.words import line, refused, refused_line
 
 pytestmark = pytest.mark.slow
@@ -98,17 +102,27 @@ def test_one_reading_of_a_steel_bar_predicts_seven_others(capsys: pytest.Capture
     path.write_text(
         'scene = "bar.toml"\nparameter = [{ path = "section.bar.height" }]\n'
         "[[modes]]\nhertz = [6.599]\ndeviation = [0.025]\n"
-        "[[modes]]\nhertz = [41.45, 100.0, 260.0, 300.0]\nnumbers = [2, 3, 4, 5]\n"
-        'deviation = [0.025, 0.025, 0.025, 60.0]\nuse = "check"\n', "utf-8",
+        '[[modes]]\nhertz = [41.45, 100.0]\nnumbers = [2, 3]\ndeviation = [0.025]\nuse = "check"\n', "utf-8",
     )  # fmt: skip
     assert main(["fit", str(path), "--predict"]) == 0
     printed = capsys.readouterr().out
     line(printed, "modes 2, frequency [Hz], 1: measured", "inside")
-    for number, off, where in ((2, "+18 %", "OUTSIDE"), (3, "-10 %", "OUTSIDE"), (4, "+29 %", "inside")):
-        line(printed, f"modes 2, frequency [Hz], {number}: measured", off, where)  # of the last, σ is 60 Hz
+    line(printed, "modes 2, frequency [Hz], 2: measured", "OUTSIDE")
     path.write_text(path.read_text("utf-8").replace("[6.599]", "[6.599, 41.4]"), "utf-8")
     assert main(["fit", str(path), "--predict"]) == 2
     refused_line(capsys.readouterr().err, "needs-another-argument")
+
+
+@pytest.mark.parametrize("outside", [False, True])
+@pytest.mark.parametrize(("end", "σ", "half"), [(8.0, 0.0, 2.0), (13.0, 0.0, 3.0), (8.0, 1.0, 2.80), (13.0, 1.0, 3.58)])
+def test_a_reading_is_outside_if_its_own_uncertainty_does_not_explain_it(end, σ, half, outside, monkeypatch, capsys):
+    """The interval is 8 … 13 about 10, widened by 1.96 σ of the reading: √(2² + 1.96²) = 2.80, √(3² + 1.96²) = 3.58."""
+    y, (ten, low, high) = 10 + np.sign(end - 10) * half * (1.01 if outside else 0.99), np.full((2, 3), (10, 8, 13.0)).T
+    found = ["x", "y"], [(y, σ)], Intervals((), ten, ten, low, high, np.empty((0, 2)), ten > 0)
+    monkeypatch.setattr("flexlink.cli.fit.predictions", lambda _: found)
+    _predict(cast("Any", None), cast("Any", SimpleNamespace(document={})))
+    where, off = "OUTSIDE" if outside else "inside", f" {100 * (10 / y - 1):+.2g} %"
+    line(capsys.readouterr().out, f"y: measured {y:.4g}", off, where)
 
 
 def test_a_number_that_cannot_make_up_for_the_other_inputs_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
