@@ -37,6 +37,7 @@ class CsvTable(NamedTuple):
     path: Path
     heads: tuple[str, ...]
     values: Array  # (rows, heads)
+    lines: Sequence[int]  # of the file, in which the rows are
 
     @property
     def quantities(self) -> set[str]:
@@ -66,7 +67,7 @@ class CsvTable(NamedTuple):
             why = f"{self.path}: column {self.heads[found[0]]!r}: unit must be one of {fitting}"
             raise DataFileError(why, id="unit-unknown")
         if np.isnan(column).any():
-            line = int(np.argmax(np.isnan(column))) + 2
+            line = self.lines[int(np.argmax(np.isnan(column)))]
             why = f"{self.path}: line {line}, {self.heads[found[0]]}: empty; expected a number"
             raise DataFileError(why, id="csv-cell")
         return column * factor
@@ -86,7 +87,7 @@ class CsvTable(NamedTuple):
         t = self.column("t", "s")
         late = np.flatnonzero(np.diff(t) <= 0)
         if len(late):
-            line = int(late[0]) + 3
+            line = self.lines[late[0] + 1]
             text = f"t = {float(t[late[0] + 1])!r} s: must be later than the one before, {float(t[late[0]])!r} s"
             raise DataFileError(f"{self.path}: line {line}: {text}", id="times-not-increasing")
         return t
@@ -133,7 +134,7 @@ def read_csv(path: Path) -> CsvTable:
     data = read_regular(path, largest=100_000_000, error=DataFileError)
     try:
         every = csv.reader(io.StringIO(data.decode("utf-8-sig"), newline=None))
-        heads, *lines = [line for line in every if any(cell.strip() for cell in line)]
+        (_, heads), *lines = [(every.line_num, line) for line in every if any(cell.strip() for cell in line)]
     except (UnicodeDecodeError, csv.Error) as error:
         raise DataFileError(f"{path}: is not CSV: {error}", id="not-csv") from None
     except ValueError:
@@ -147,8 +148,8 @@ def read_csv(path: Path) -> CsvTable:
     if not any(head_of(head)[1] for head in heads):  # may be another kind of file, so do not quote its content
         why = f"{path}: its first line has no column with a unit, such as {TIME!r}; expected a CSV file"
         raise DataFileError(why, id="not-csv")
-    rows = [_numbers(path, number, line, heads) for number, line in enumerate(lines, 2)]
-    return CsvTable(path, tuple(heads), np.array(rows, dtype=np.float64).reshape(len(rows), len(heads)))
+    rows = np.array([_numbers(path, number, line, heads) for number, line in lines], dtype=np.float64)
+    return CsvTable(path, tuple(heads), rows.reshape(len(lines), len(heads)), [number for number, _ in lines])
 
 
 def _numbers(path: Path, number: int, line: list[str], heads: list[str]) -> list[float]:
@@ -181,7 +182,7 @@ class Measured(NamedTuple):
 
 def read_measured(path: Path, known: Mapping[str, object], only: Sequence[str] = ()) -> Measured:
     """Read a CSV whose headers are "t [s]" and `known` column names of a trajectory; `only`: these columns."""
-    _, heads, values = read_csv(path)
+    _, heads, values, _ = read_csv(path)
     return measured_from(str(path), heads, values, known, only)
 
 
@@ -190,7 +191,7 @@ def read_together(paths: Sequence[Path], known: Mapping[str, object], only: Sequ
     tables = [read_csv(path) for path in paths]
     _require(", ".join(map(str, paths)), only, [head for table in tables for head in table.heads])
     parts: dict[Path, Measured] = {}
-    for path, heads, values in tables:
+    for path, heads, values, _ in tables:
         own = [head for head in only if head in heads]
         if own or not only:
             parts[path] = measured_from(str(path), heads, values, known, own)

@@ -169,7 +169,7 @@ def _columns(file: Path) -> dict[str, tuple[float, ...]]:
     for name, column in found.items():
         low = -np.inf if name in COUPLED else 0.0 if name in {"x", "rho_i_y", "rho_i_z"} else tiny
         if not (column >= low).all():
-            text = f"{file}: line {int(np.argmax(column < low)) + 2}: {name} must be positive"
+            text = f"{file}: line {table.lines[int(np.argmax(column < low))]}: {name} must be positive"
             raise DataFileError(text, id="out-of-range")
     return {name: tuple(column.tolist()) for name, column in found.items()}
 

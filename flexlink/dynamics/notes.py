@@ -167,7 +167,10 @@ def _odd_shaper(scene: Scene) -> Iterator[Diagnostic]:
     if shaper is not None and shaper.frequency_hz:
         from flexlink.dynamics.vibration.modal import natural_frequencies  # noqa: PLC0415  few scenes have shapers
 
-        ω = natural_frequencies((chain := lump(scene)), _angles(scene, chain), locked=chain.active)[0]
+        chain = lump(scene)
+        if not np.setdiff1d(chain.free, chain.active).size:
+            return  # rigid links
+        ω = natural_frequencies(chain, _angles(scene, chain), locked=chain.active)[0]
         if abs(shaper.frequency_hz[0] / ω - 1) < 0.05:
             given = f"{shaper.frequency_hz[0]:.4g} Hz, but the slowest mode with held joints has {ω / math.tau:.4g} Hz"
             text = f"drive.reference.shaper.frequency_hz: {given} = {ω:.4g} rad/s; likely given in rad/s"

@@ -76,7 +76,7 @@ def _model(scene: Scene, output: str) -> LinearModel:
 def measured_response(scene: Scene, part: FitFrf, where: str) -> Response:
     """Read a measured response."""
     if part.file:
-        _, heads, values = read_csv(Path(part.file))
+        _, heads, values, _ = read_csv(Path(part.file))
     else:
         heads, values = tuple(part.columns), table_of(where, part.columns)
     known = [*column_names(scene.sensor, scene.arm)]

@@ -360,8 +360,8 @@ class Columns(Mapping[str, Array]):
     """Every sampled quantity of a run as an array (samples,), by its name with unit."""
 
     def __init__(self, run: RunSamples) -> None:
-        sources = sources_of(run.chain, run.work is not None)
-        self._run, self._sources = run, {**sources, **{name: _reading(name) for name in run.sensor_names}}
+        self._run, self._sources = run, dict(sources_of(run.chain, run.work is not None))
+        self._sources |= {name: lambda run, of=name: run.readings[of] for name in run.sensor_names}  # type: ignore[misc]
 
     def __reduce__(self) -> tuple[type[Columns], tuple[RunSamples]]:
         return Columns, (self._run,)
@@ -419,10 +419,6 @@ def _of(place: str, k: int | None = None) -> Source:
     """Source of an array (samples,), or of column `k` of an array (samples, …), at this place in the run."""
     get = operator.attrgetter(place)
     return (lambda run: np.asarray(get(run))) if k is None else (lambda run: np.asarray(get(run)[:, k]))
-
-
-def _reading(name: str) -> Source:
-    return lambda run: run.readings[name]
 
 
 def picked(run: RunSamples, rows: NDArray[np.intp]) -> RunSamples:

@@ -197,3 +197,5 @@ def test_a_shaper_in_radians_per_second_is_hinted(times: float) -> None:
     assert len(found) == (times > 1)
     for each in found:
         reviewed(each.id, each)
+    rigid = notes(SCENE.varied({"drive": drive, "link.*.flex": "rigid"}))  # nothing bends: no mode to compare with
+    assert "likely-unit" not in {each.id for each in rigid}

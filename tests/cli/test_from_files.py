@@ -229,7 +229,7 @@ MISTAKES = {
     "a long text": (MOTION, edited("0.05,5\n", f"0.05,{'long ' * 99}\n"), "csv-cell"),
     "not finite": (MOTION, edited("0.05,5\n", "0.05,nan\n"), "csv-cell"),
     "an empty cell": (MOTION, edited("0.05,5\n", "0.05,\n"), "csv-cell"),
-    "rows in disorder": (MOTION, edited(",5\n0.06,6\n0.07", ",5\n0.04,6\n0.03"), "times-not-increasing"),
+    "rows in disorder": (MOTION, edited(",5\n0.06,6\n0.07", ",5\n\n0.04,6\n0.03"), "times-not-increasing"),
     "a time twice": (MOTION, edited("0.06,6\n", "0.05,6\n"), "times-not-increasing"),
     "a late begin": (MOTION, edited("0.0,0\n", ""), "first-time"),
     "no cutoff": (MOTION.replace("cutoff = 5.0\n", ""), GOOD, "missing-key"),
