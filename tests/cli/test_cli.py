@@ -131,7 +131,8 @@ def test_the_largest_imbalance_is_stated_whatever_its_sign_and_time(paper: str, 
     monkeypatch.setattr(fl.Trajectory, "imbalance", np.array([0.0, -3e-6, 1e-6]))
     assert main(["simulate", paper, "--duration", "0", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert found["imbalance_j"] == 3e-6 and " 3e-06 J" in line("\n".join(found["lines"]), "E − E(0) − W")
+    balance = line("\n".join(found["lines"]), "E − E(0) − W")
+    assert found["imbalance_j"] == 3e-6 and " 3e-06 J" in balance
 
 
 def test_a_run_without_duration_saves_only_the_initial_state(paper: str, capsys) -> None:

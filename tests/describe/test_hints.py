@@ -91,8 +91,6 @@ PLANTED: list[tuple[dict[str, Any], str, str]] = [
     ({"drive": {"kind": "computed_torque", "kp": [4e5, 2e5], "kd": [4e4, 1e4], "target_deg": [30.0, 60.0]}},
      "drive.kp", "1/s²"),
     ({"drive.torque": [9e6, 0.0]}, "drive.torque.boom", "N mm"),
-    ({"drive": {"kind": "table", "times": [0.0, 1.0], "torques": [[0.0, 0.0], [-9e6, 0.0]]}},
-     "drive.torques.boom", "N mm"),
     ({"wrench.times": [0.0, 500.0, 1000.0]}, "wrench.times[2]", "ms"),
     ({"run.tolerance": 1.0}, "run.tolerance", "mm"),
     ({"run.duration": 2000.0}, "run.duration", "ms"),
@@ -110,6 +108,15 @@ def test_a_hint_names_a_mistaken_value_and_its_likely_unit(mistake: dict[str, An
     id = {"rad": "likely-radians", "deg": "likely-degrees"}.get(unit, "likely-unit")
     assert getattr(hint, "id", id) == id
     reviewed(id, hint)
+
+
+def test_a_table_of_negative_torques_in_newton_millimetres_gets_a_hint() -> None:
+    (hint,) = hints(
+        CRANE.varied({"drive": {"kind": "table", "times": [0.0, 1.0], "torques": [[0.0, 0.0], [-9e6, 0.0]]}})
+    )
+    path, unit = "drive.torques.boom = ", "N mm"
+    assert hint.startswith(path) and names_unit(hint, unit)
+    reviewed("likely-unit", hint)
 
 
 def names_unit(hint: str, unit: str) -> bool:

@@ -202,7 +202,8 @@ class TestReading:
         given = {"f [Hz]": np.array([1.0]), "real [m/N mm]": np.array([2.0]), "imaginary": np.array([-3.0])}
         turned = part(given, input="tau bar [N mm]", output="tip y [m]", averages=None, deviation=0.1)
         found = measured_response(two_inertias(), turned, "x")
-        assert (found.H[0], found.name) == (pytest.approx(2e3 - 3e3j), "tip y / tau bar [m/(N m)]")
+        name = "tip y / tau bar [m/(N m)]"
+        assert (found.H[0], found.name) == (pytest.approx(2e3 - 3e3j), name)
 
     @pytest.mark.parametrize(
         ("columns", "more", "id"),

@@ -4,6 +4,7 @@ import contextlib
 import dataclasses
 import functools
 import importlib
+import inspect
 import sys
 from collections.abc import Callable, Iterator
 from fractions import Fraction
@@ -157,7 +158,7 @@ def replaced(function: Function, by: Callable[[Callable[..., Any]], Callable[...
     module = importlib.import_module(function.path.partition(":")[0])
     owner, _, name = function.path.partition(":")[2].rpartition(".")
     holder = getattr(module, owner) if owner else module
-    honest = getattr(holder, name)
+    honest = inspect.unwrap(getattr(holder, name))
     liar = by(honest)
     public = {"flexlink", *(f"flexlink.{each}" for each in ("details", "fits", "small_motion", "strength"))}
     for each in map(importlib.import_module, public):
@@ -167,7 +168,7 @@ def replaced(function: Function, by: Callable[[Callable[..., Any]], Callable[...
         patch.setattr(holder, name, liar)
         for other in [m for key, m in sys.modules.items() if key in public or key.startswith(CALLERS)]:
             for alias, value in list(vars(other).items()):
-                if value is honest:
+                if inspect.isfunction(value) and inspect.unwrap(value) is honest:  # a check of calls may wrap it
                     patch.setattr(other, alias, liar)
         yield
 
