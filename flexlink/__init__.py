@@ -3,7 +3,7 @@
 import functools
 import importlib
 import importlib.util
-import inspect
+import types
 from pathlib import Path
 
 import flexlink.common.interruption  # noqa: F401  must come first: responds to signals from then on
@@ -48,7 +48,7 @@ def __getattr__(name: str) -> object:
         module = importlib.import_module(_places()[name])
         public, room = getattr(module, name), module.__name__.rpartition(".")[2]
         quick = "terms", "accelerations", "conserved", "forces", "placement", "simulate"  # a check would be felt
-        if inspect.isfunction(public) and room not in quick:
+        if isinstance(public, types.FunctionType) and room not in quick:
             from flexlink.chain.arguments import explained  # noqa: PLC0415  imports NumPy, as the function did
 
             setattr(module, name, public := explained(public))  # also there, where pickles look for it

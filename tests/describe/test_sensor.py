@@ -62,7 +62,9 @@ def test_a_measured_column_in_another_unit_needs_a_gain() -> None:
         with refused(fl.errors.SceneError, "unit-missing") as caught:
             fl.Sensor(name="s", kind=kind, link=1, unit=unit)
         assert f" {factor} ({unit} per " in str(caught.value)
-        assert fl.Sensor(name="s", kind=kind, link=1, unit=unit, gain=factor).columns()[0].endswith(f" [{unit}]")
+        axes = (" x", " y", " z") if kind == "accelerometer" else ("",)
+        columns = fl.Sensor(name="s", kind=kind, link=1, unit=unit, gain=factor).columns()
+        assert columns == tuple(f"s{axis} [{unit}]" for axis in axes)
     assert fl.Sensor(name="s", kind="torque", link=1, unit="V").columns() == ("s [V]",)  # 1 V per N m
 
 
