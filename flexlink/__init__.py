@@ -51,7 +51,7 @@ def __getattr__(name: str) -> object:
         if isinstance(public, types.FunctionType) and room not in quick:
             from flexlink.chain.arguments import explained  # noqa: PLC0415  imports NumPy, as the function did
 
-            setattr(module, name, public := explained(public))  # also there, where pickles look for it
+            public = explained(public)
         return globals().setdefault(name, public)
     if found := old_name(f"flexlink.{name}"):
         return found

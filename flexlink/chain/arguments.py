@@ -15,7 +15,7 @@ from flexlink.common.types import Array, T
 from flexlink.common.wording import did_you_mean, short_list, truncated
 from flexlink.data.documents import read_toml
 from flexlink.describe.numbers import numbers
-from flexlink.describe.spec import key_mistakes, to_builtin
+from flexlink.describe.spec import to_builtin
 from flexlink.kernels.tools.finite import is_finite
 
 FLOAT64 = np.dtype(np.float64)
@@ -96,6 +96,7 @@ def explained(function: Callable[Given, T]) -> Callable[Given, T]:
                 refuse_call(function, str(wrong), named)
             raise
 
+    called.__module__ = "flexlink"  # where pickles look for it
     return called
 
 
@@ -108,12 +109,6 @@ def refuse_call(function: Callable[..., object], why: str, named: Iterable[str] 
     example = read_toml(Path(__file__).with_name("conversions.toml"))["call"].get(function.__name__, "")
     text = f"{function.__name__}: {why}{near}; it takes {in_order}{', and by name ' if by_name else ''}{by_name}"
     raise ArgumentError(f"{text}{'; such as ' if example else ''}{example}", id="wrong-arguments") from None
-
-
-def refuse_unknown(function: Callable[..., object], unknown: Mapping[str, object]) -> None:
-    """Refuse keyword arguments that a function does not take, and name what was probably meant."""
-    for wrong in key_mistakes(unknown, list(function.__kwdefaults__ or ()), (), function.__name__):
-        raise ArgumentError(wrong, id=wrong.id)
 
 
 def require_each(name: str, values: object, kind: type[T]) -> list[T]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Never
 from msgspec.structs import replace
 from numpy.typing import ArrayLike
 
-from flexlink.chain.arguments import refuse_call, refuse_unknown, require_callable, require_type
+from flexlink.chain.arguments import refuse_call, require_callable, require_type
 from flexlink.common.errors import ArgumentError
 from flexlink.common.interruption import deferred
 from flexlink.common.memo import Kept, Memo
@@ -17,6 +17,7 @@ from flexlink.common.types import Array
 from flexlink.data.documents import is_user_file
 from flexlink.describe.run_settings import Accuracy, ForwardSolver, Unstable, check_method
 from flexlink.describe.scene import Scene
+from flexlink.describe.spec import key_mistakes
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.kernels.inputs.record import Drive
 from flexlink.motion.budget import warn
@@ -114,7 +115,8 @@ def simulate(
     """
     if _more:
         refuse_call(simulate, "too many positional arguments")
-    refuse_unknown(simulate, unknown)
+    for wrong in key_mistakes(unknown, [*(simulate.__kwdefaults__ or ())], (), "simulate"):
+        raise ArgumentError(wrong, id=wrong.id)
     require_callable("progress", progress)
     settings = {
         "method": method, "step": step, "duration": duration, "sample": sample,

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NoReturn, SupportsIndex
+from typing import Any, Never, NoReturn, SupportsIndex
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import positive, require_type, vector
+from flexlink.chain.arguments import positive, refuse_call, require_type, vector
 from flexlink.chain.lumping import lump, open_chain
 from flexlink.common.errors import ArgumentError, Diagnostic
 from flexlink.common.memo import Kept
@@ -207,7 +207,7 @@ class Simulator:
             return found
         return (*found, exceeded(self._monitor, error))
 
-    def step(self, tau: ArrayLike | None = None, *, duration: float | None = None) -> State:
+    def step(self, tau: ArrayLike | None = None, *_more: Never, duration: float | None = None) -> State:
         """Advance the arm under constant torques, and return the state at the end.
 
         Parameters
@@ -233,6 +233,8 @@ class Simulator:
         >>> print(after.t, after.q.shape)
         0.01 (6,)
         """
+        if _more:
+            refuse_call(self.step, "too many positional arguments")
         duration = self._run.spacing if duration is None else duration
         inputs, end, steps = self._driven, self._later(duration), self._steps
         drive = remembered(inputs.drive) if inputs.drive.rate else ()  # only a sampled drive has memory

@@ -188,10 +188,10 @@ def test_vibrations_above_the_band_are_ignored() -> None:
 
 
 class Watch:
-    """A fake clock and fake runs: code loading takes 9 s once, preparing a scene 2 s once, the steps 1 s."""
+    """A fake clock and fake runs: code loading takes 9 units once, preparing a scene 2 units once, the steps 1 unit."""
 
-    def __init__(self) -> None:
-        self.now, self.made, self.known = 0.0, list[object](), list[object]()
+    def __init__(self, unit: float = 1.0) -> None:
+        self.now, self.made, self.known, self.unit = 0.0, list[object](), list[object](), unit  # unit in s
 
     def __call__(self) -> float:
         return self.now
@@ -201,20 +201,26 @@ class Watch:
         return self.made[-1]
 
     def simulate(self, scene: object) -> None:
-        self.now += 9.0 if not self.known else 0.0 if scene in self.known else 2.0
-        self.now += 1.0
+        self.now += self.unit * (10.0 if not self.known else 1.0 if scene in self.known else 3.0)
         self.known.append(scene)
 
+    def run_time(self, enough: float, monkeypatch: pytest.MonkeyPatch) -> tuple[float, float]:
+        monkeypatch.setattr("flexlink.advice.advise.thread_time", self)
+        monkeypatch.setattr("flexlink.advice.advise.simulate", self.simulate)
+        return run_time(cast("Callable[[], fl.Scene]", self.scene), enough)
 
-@pytest.mark.parametrize(("enough", "times"), [(0.0, 2), (9.5, 4), (np.inf, 5)])
+
+@pytest.mark.parametrize(("enough", "times"), [(0.0, 2), (0.095, 4), (np.inf, 5)])
 def test_run_time_includes_preparation_and_is_the_shortest_of_repeated_runs(enough, times, monkeypatch) -> None:
-    watch = Watch()
-    names = {"thread_time": watch, "simulate": watch.simulate}
-    for name, value in names.items():
-        monkeypatch.setattr(f"flexlink.advice.advise.{name}", value)
-    make = cast("Callable[[], fl.Scene]", watch.scene)
-    assert run_time(make, enough) == (3.0, 1.0)
+    watch = Watch(0.01)
+    assert watch.run_time(enough, monkeypatch) == pytest.approx((0.03, 0.01), rel=1e-12)
     assert len(watch.made) == times
+
+
+def test_a_run_longer_than_5_seconds_is_timed_once(monkeypatch) -> None:
+    watch = Watch(1.0)
+    assert watch.run_time(np.inf, monkeypatch) == (10.0, 10.0)
+    assert len(watch.known) == 1
 
 
 @pytest.mark.parametrize(

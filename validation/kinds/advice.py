@@ -13,6 +13,7 @@ from flexlink.advice.advise import Advisor
 from flexlink.advice.goal import goal_of
 from flexlink.advice.verdict import Advice
 from flexlink.common.errors import FlexlinkError
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene, scene_from
 from flexlink.describe.spec import NonNegative, Positive, Spec
 from flexlink.motion.evaluation_cost import run_cost
@@ -71,6 +72,7 @@ class Cell(NamedTuple):
     naive: float  # cost of the naive model [s]
     seconds: float  # CPU time of the run, including set-up
     true: Truth
+    tip: Array  # path of the advised scene (samples, 3) [m]; empty if its run diverged
 
 
 @kind(timed=True)
@@ -118,16 +120,16 @@ def _scenes(case: Case, settings: Settings) -> Iterator[tuple[Scene, int]]:
 
 def _cell(scene: Scene, tolerance: float, true: Truth) -> Cell:
     advisor = Advisor(scene, goal_of(tolerance, deflection=False, band=None, run=scene.run), budget=1.0)
-    advice, error, own = advisor.advice(), np.inf, np.inf
+    advice, error, own, tip = advisor.advice(), np.inf, np.inf, np.zeros((0, 3))
     try:
         run = simulate(advice.scene)
     except DivergenceError:
         pass
     else:
-        error = largest_distance(run.tip, true.tip)
+        tip, error = run.tip, largest_distance(run.tip, true.tip)
         own = run_cost(run.chain, run.steps.method, run.steps.evaluations) if run.steps else np.inf
     naive, seconds = naive_cost(scene), _seconds(advice.scene)
-    return Cell(scene.name, tolerance, advice, error, own, advisor.runner.seconds, naive, seconds, true)
+    return Cell(scene.name, tolerance, advice, error, own, advisor.runner.seconds, naive, seconds, true, tip)
 
 
 def _seconds(scene: Scene) -> float:
@@ -208,11 +210,11 @@ def _summary(cells: list[Cell], optimum: list[float]) -> Iterator[Measured]:
 
 def _true_horizon(cell: Cell, part: float) -> float | None:
     """Last time [s] before the advised model's error exceeds `part` of the tolerance; None if never or unknown."""
-    run, allowed = simulate(cell.advice.scene), part * cell.advice.tolerance
-    beyond = np.flatnonzero(np.linalg.norm(run.tip - cell.true.tip, axis=1) > allowed)
+    scene, allowed = cell.advice.scene, part * cell.advice.tolerance
+    beyond = np.flatnonzero(np.linalg.norm(cell.tip - cell.true.tip[: len(cell.tip)], axis=1) > allowed)
     if not beyond.size or cell.true.errors[beyond[0]] > TRUTH_KNOWN_TO * allowed:
         return None
-    return float(run.t[max(1, beyond[0] - 1)])
+    return float(scene.run.times_from(scene.initial.time)[max(1, beyond[0] - 1)])
 
 
 def _times(stated: list[float]) -> Iterator[Measured]:
