@@ -10,7 +10,8 @@ from flexlink.cli.main import build_parser
 
 EXIT_CODES = """\
 Exit codes: 0 done; 1 negative result, such as engines that disagree or no model within the tolerance; 2 error; 130
-Ctrl-C; 143 SIGTERM. An error is printed as one line on stderr, which ends in its id: :doc:`messages`.
+Ctrl-C; 143 SIGTERM. An error is printed as one line on stderr, which ends in its id: :doc:`messages`; standard output
+is then empty, also with ``--json``. A run with warnings exits with 0: to fail on them, read ``warnings`` of ``--json``.
 """
 
 
