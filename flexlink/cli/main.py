@@ -132,16 +132,6 @@ def _copied_by(error: Exception, options: argparse.Namespace) -> str:
     return "".join(f"; get {name} by: flexlink examples {name}" for name in names if name.name == path.name)
 
 
-MEANT = {
-    "command": {
-        "plot": "simulate SCENE --plot run.png", "run": "simulate", "animate": "show", "film": "show",
-        "convert": "export", "validate": "compare", "identify": "fit", "optimise": "advise", "frequencies": "modes",
-    },
-    "option": {"time": "duration", "t-end": "duration", "dt": "step", "output": "out", "timestep": "step"},
-}  # fmt: skip
-"""What commands and options of other programs are called here."""
-
-
 class _Parser(argparse.ArgumentParser):
     """A parser that reports a wrong option in one line, and reads 1mm where an option's help names its unit, [m]."""
 
@@ -163,7 +153,7 @@ class _Parser(argparse.ArgumentParser):
         """End of the message on a word that no argument takes: what was probably meant, or what the command takes."""
         names = {name.strip("-"): name for name in self._option_string_actions}
         word = given.partition("=")[0].strip("-")
-        word = meant if (meant := MEANT["option"].get(word)) in names else word
+        word = meant if (meant := _table("meant")["option"].get(word)) in names else word
         near = names.get(closest(word, names) or "", "")
         near = next((f"{one.option_strings[-1]} {word}" for one in self._actions if word in (one.choices or ())), near)
         if "--file" in self._option_string_actions and Path(given).is_file():
@@ -185,10 +175,11 @@ class _Parser(argparse.ArgumentParser):
             known, where = [name.strip("' ") for name in wrong[2].split(",")], message.partition(": invalid")[0]
             is_command = where == "argument command"
             what = "unknown command" if is_command else f"{where}: unknown"
-            meant = MEANT["command"].get(wrong[1]) if is_command else None
+            meant = _table("meant")["command"].get(wrong[1]) if is_command else None
             near = f"; did you mean {meant!r}?" if meant else did_you_mean(wrong[1], known)
             message = f"{what} {wrong[1]!r}{near or '; allowed are ' + ', '.join(known)}"
-        message = re.sub(r"invalid float value: (.*)", r"\1: expected a number in SI units, such as 0.5", message)
+        for row in _table("meant")["message"]:
+            message = re.sub(row["pattern"], row["text"], message)
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
 
 
@@ -253,16 +244,17 @@ def _add_arguments(command: argparse.ArgumentParser, name: str, words: Mapping[s
 
 
 @functools.cache
-def _arguments() -> dict[str, dict[str, dict[str, Any]]]:
+def _table(name: str) -> dict[str, Any]:
+    """Contents of a TOML file of this folder: `options`, or what words of other programs are `meant` to be."""
     import tomllib  # noqa: PLC0415  not needed for help
 
-    return tomllib.loads(Path(__file__).with_name("options.toml").read_text(encoding="utf-8"))
+    return tomllib.loads(Path(__file__).with_name(f"{name}.toml").read_text(encoding="utf-8"))
 
 
 def _arguments_of(name: str) -> dict[str, dict[str, Any]]:
     """The arguments of a command, by name."""
     found: dict[str, dict[str, Any]] = {}
-    for commands, table in _arguments().items():
+    for commands, table in _table("options").items():
         found |= table if {name, "*"} & {*commands.split()} else {}
     return found
 

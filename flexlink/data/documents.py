@@ -32,7 +32,8 @@ def read_toml(path: Path) -> dict[str, Any]:
     try:
         text = data.decode("utf-8-sig")  # some editors write a byte order mark
     except UnicodeDecodeError as error:
-        raise SceneError(f"{path}: not UTF-8 at byte {error.start}; save the file as UTF-8", id="not-utf8") from None
+        stored = "; a stored run is read by fl.Trajectory.load" if path.suffix == ".npz" else "; save the file as UTF-8"
+        raise SceneError(f"{path}: not UTF-8 at byte {error.start}{stored}", id="not-utf8") from None
     if not text.strip():
         raise SceneError(f"{path}: empty; expected a TOML file", id="file-empty")
     if text.lstrip().startswith("<"):

@@ -60,7 +60,7 @@ def _as_written(where: str, value: object) -> str:
     above, _, key = where.partition("[")[0].rpartition(".")
     row = _words()["written"].get("flexible" if above == "flexible" else key, {})
     given = float if isinstance(value, int | float) else type(value)
-    wanted: str = row["expected"] if given.__name__ in row.get("type", "").split() else ""
+    wanted: str = row["expected"] if given.__name__ in row.get("type", "").split() else row.get(given.__name__, "")
     return wanted
 
 
@@ -75,7 +75,8 @@ def _in_words(reason: str, value: object, unit: str) -> str:
     if kinds is None:
         return (reason[:1].lower() + reason[1:]).replace("`", "")
     wanted = [name for name in kinds[1].split(" | ") if name != "null"]
-    text = " or ".join(map(_name_of, wanted))
+    called = _words()["called"]
+    text = " or ".join(called.get(name, name) for name in wanted)
     if unit and wanted == ["float"]:
         text += f" in {unit}"
         if isinstance(value, str) and re.match(r"\s*[+-]?\.?\d[\d.eE+-]*\s*[^\d\s]", value):
@@ -86,16 +87,7 @@ def _in_words(reason: str, value: object, unit: str) -> str:
         text += f", such as [{value!r}]"
     if "array" in wanted and kinds[2] == "object":
         text += " of tables, [{ … }]"
-    return f"expected {text}, not {_name_of(kinds[2])}"
-
-
-def _name_of(kind: str) -> str:
-    """Name of a type of TOML values."""
-    names = {
-        "float": "a number", "int": "an integer", "str": "a string", "bool": "true or false", "object": "a table",
-        "array": "a list",
-    }  # fmt: skip
-    return names.get(kind, kind)
+    return f"expected {text}, not {called.get(kinds[2], kinds[2])}"
 
 
 @cache

@@ -107,7 +107,7 @@ class InputShaper(Spec, frozen=True):
             raise self._refused("damping", "expected one ratio per frequency_hz", "one-per-frequency")
         for k, (re, im) in enumerate(self.poles or ()):
             if im <= 0 or re > 0:
-                why = "a vibration needs Re λ ≤ 0 and Im λ > 0"
+                why = "a vibration needs Re λ ≤ 0 and Im λ > 0, as from pd_poles; Hz are written frequency_hz = (1.2,)"
                 raise SceneError(f"poles[{k}] = {truncated((re, im))}: {why}", id="poles-not-a-vibration")
 
     @classmethod

@@ -189,7 +189,8 @@ class _Change:
     def _one_of(self, part: str, names: Mapping[str, Any] | Sequence[str], *, keys: bool = False) -> str:
         """Return `part`, which must be one of the names; if they are `keys`, the message may suggest an alternative."""
         if part not in names:
-            listed = f"; allowed are {', '.join(names) or 'none'}{did_you_mean(part, names)}"
+            item = "; an item of a list has its name or number as a part, such as link.1" * ("[" in part)
+            listed = item or f"; allowed are {', '.join(names) or 'none'}{did_you_mean(part, names)}"
             raise self.error(f"{part!r} is unknown here{(keys and why_not(part, None)) or listed}")
         return part
 
@@ -204,7 +205,8 @@ class _Change:
         if not any(concerned):
             raise self.error(f"{part!r}: there is no {self.parts[0]} on which this has an effect")
         allowed = f"{', '.join(names)}, a number from 1 to {len(names)} or *"
-        listed = f"; allowed are {allowed}{did_you_mean(part, names)}"
+        dotted = next((f'; quote a name with dots: link."{name}"' for name in names if name.startswith(f"{part}.")), "")
+        listed = f"; allowed are {allowed}{dotted or did_you_mean(part, names)}"
         raise self.error(f"{part!r} is unknown here{why_not(part, None) or listed}")
 
     def _concerned(self, above: str, depth: int) -> list[bool]:

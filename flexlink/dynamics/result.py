@@ -37,6 +37,8 @@ class Result:
         def __getattr__(self, name: str) -> NoReturn:
             if name.startswith("_"):  # copies, NumPy and notebooks ask for many of these
                 raise AttributeError(name)
+            if (own := getattr(type(self), name, None)) is not None:  # a property that has failed: show its error
+                return own.__get__(self)
             fields = [field.name for field in dataclasses.fields(self) if field.repr]
             near = did_you_mean(name, [*fields, *(each for each in dir(type(self)) if each[0] != "_")])
             near = near or f"; its fields are {', '.join(fields)}"

@@ -94,6 +94,9 @@ def measured_response(scene: Scene, part: FitFrf, where: str) -> Response:
         H = columns["real"] + 1j * columns["imaginary"]
     else:
         H = columns["magnitude"] * np.exp(1j * columns["phase"])
+        if (least := columns["magnitude"].min()) < 0:
+            why = f"magnitude {least:.4g}: must not be negative; name a column in dB 'magnitude [dB]'"
+            raise DataFileError(f"{where}: {why}", id="negative-magnitude")
     H = np.asarray(H * (of_output / of_input))
     γ2 = columns.get("coherence", np.full(len(H), np.nan))
     if not H.any():

@@ -400,9 +400,7 @@ def _sources(
         "attitude {} [1]": ("wxyz", "base.attitude"), "spin {} [rad/s]": ("xyz", "base.spin"),
         "momentum {} [N s]": ("xyz", "base.momentum.linear"),
         "angular momentum {} [N m s]": ("xyz", "base.momentum.angular"),
-    }  # fmt: skip
-    if not floats:
-        of_base = {}
+    } if floats else {}  # fmt: skip
     return {
         "t [s]": _of("t"),
         **{f"q {name} [{units[0][k]}]": _of("q", k) for k, name in enumerate(joints)},

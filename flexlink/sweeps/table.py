@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from flexlink.chain.arguments import require_one_of
 from flexlink.common.errors import imported
 from flexlink.common.notebook import html_table
 from flexlink.common.output import write_whole
@@ -35,8 +36,11 @@ class SweepRows:
         return html_table(f"{plural(len(self.rows), 'row')}, {len(self.failed)} failed", self.columns, shown)
 
     def column(self, name: str) -> list[Any]:
-        """Return a column by its name."""
-        return [row[self.columns.index(name)] for row in self.rows]
+        """Return a column by its name; `rows["tip.mass"]` returns it as well."""
+        k = require_one_of("name", name, {known: k for k, known in enumerate(self.columns)})
+        return [row[k] for row in self.rows]
+
+    __getitem__ = column
 
     @property
     def failed(self) -> dict[int, str]:

@@ -1,5 +1,6 @@
 """Mistakes of new users: options without effect, arguments of other kinds, names of results, units of cylinders."""
 
+import dataclasses
 import json
 import pickle
 from collections.abc import Callable
@@ -200,3 +201,75 @@ def test_a_shaper_in_radians_per_second_is_hinted(times: float) -> None:
         reviewed(each.id, each)
     rigid = notes(SCENE.varied({"drive": drive, "link.*.flex": "rigid"}))  # nothing bends: no mode to compare with
     assert "likely-unit" not in {each.id for each in rigid}
+
+
+MISPLACED = {
+    "a table of the scene below a link": ("[[link]]", "[[link]]\ndrive = { kind = 'none' }", "unknown-key"),
+    "double brackets": ("[section.square]", "[[section]]\nname = 'square'", "wrong-value"),
+    "a list in quotes": ("joint_deg = [0.0, -80.0, -10.0]", "joint_deg = '0, -80, -10'", "wrong-value"),
+    "a path with backslashes": ("[run]", '[run]\nmethod = "C:\\users\\rk.toml"', "not-toml"),
+}
+
+
+@pytest.mark.parametrize(("right", "wrong", "id"), MISPLACED.values(), ids=MISPLACED)
+def test_a_misplaced_table_or_path_names_its_place_or_form(right: str, wrong: str, id: str, tmp_path: Path) -> None:
+    text = Path("models/paper_fig5.toml").read_text(encoding="utf-8")
+    assert right in text
+    (tmp_path / "scene.toml").write_text(text.replace(right, wrong, 1), encoding="utf-8")
+    with refused(fl.errors.SceneError, id):
+        fl.load_scene(tmp_path / "scene.toml")
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["modes --lock upper fore SCENE", "loop SCENE --over drive.kp.fore --values 1e5,2e5", "advise SCENE -o SCENE"],
+)
+def test_a_command_that_does_not_fit_names_the_form_that_does(words: str, capsys) -> None:
+    try:
+        code = main(words.replace("SCENE", "models/paper_fig5.toml").split())
+    except SystemExit as stopped:
+        code = stopped.code
+    assert code == 2
+    reviewed("command line: wrong form", capsys.readouterr().err)
+
+
+@pytest.mark.parametrize("path", ["link[0].length", "link.boom.1.length"])
+def test_an_item_of_a_list_and_a_name_with_a_dot_are_written_as_the_message_states(path: str) -> None:
+    dotted = SCENE.varied({"link.upper.name": "boom.1"})
+    with refused(fl.errors.SceneError, "cannot-set"):
+        dotted.varied({path: 1.5})
+    assert dotted.varied({'link."boom.1".length': 1.5, "link.1.length": 0.5}).arm.links[1].length == 1.5
+
+
+def test_rows_of_a_sweep_are_read_by_name() -> None:
+    short = SCENE.varied({"run.duration": 0.0})
+    rows = fl.sweep(fl.Sweep(scene=short, grid={"tip.mass": [1.0, 2.0]}, quantity={"z": {"of": "tip z [m]"}}))
+    assert rows["tip.mass"] == rows.column("tip.mass") == [1.0, 2.0]
+    with refused(fl.errors.ArgumentError, "unknown-name"):
+        rows["tip.mas"]
+
+
+def test_torques_of_many_arms_have_a_row_for_each() -> None:
+    arms = fl.SimulatorBatch([SCENE.varied({"run.step": 1e-4})] * 2)
+    with refused(fl.errors.ArgumentError, "wrong-shape"):
+        arms.step([1.0, 2.0])
+
+
+def test_a_model_sampled_at_a_period_instead_of_a_rate_is_refused() -> None:
+    chain = fl.lump(SCENE)
+    steady = fl.linearize(chain, fl.solve_static(chain, locked=chain.active).q)
+    with refused(fl.errors.ArgumentError, "overflow"), np.errstate(all="ignore"):
+        dataclasses.replace(steady, A=steady.A + 1e3 * np.eye(len(steady.A))).sampled(1e-3)
+
+
+def test_a_property_that_fails_shows_its_own_error() -> None:
+    run = fl.simulate(fl.load_scene("models/paper_fig5.toml"), duration=0.0)
+    run.scene.arm.materials["aluminium"] = 5
+    with pytest.raises(AttributeError, match="'int' object has no attribute"):
+        run.hints  # noqa: B018
+
+
+def test_a_stored_run_is_no_scene(tmp_path: Path) -> None:
+    place = fl.simulate(SCENE, duration=0.0).save(tmp_path / "run.npz")
+    with refused(fl.errors.SceneError, "not-utf8", values=False):
+        fl.load_scene(place)

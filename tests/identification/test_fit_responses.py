@@ -226,6 +226,11 @@ class TestReading:
         with refused(fl.errors.DataFileError, id):
             measured_response(arm(), part(given, **more), "frf 1")
 
+    def test_decibels_in_a_column_of_magnitudes_are_refused(self) -> None:
+        given = {"f [Hz]": np.array([1.0, 2.0]), "magnitude [mm/N]": np.array([-41.8, 3.0]), "phase [deg]": np.zeros(2)}
+        with refused(fl.errors.DataFileError, "negative-magnitude"):
+            measured_response(arm(), part(given, averages=None, deviation=0.1), "frf 1")
+
     def test_a_response_needs_either_averages_or_a_deviation(self) -> None:
         for more in ({"averages": None}, {"deviation": 0.1}, {"file": "a.csv"}, {"band": (2.0, 1.0)}):
             with refused(fl.errors.SceneError, "range-order" if "band" in more else "both-given"):

@@ -131,6 +131,9 @@ class LinearModel(SavedResult):
         self._require_continuous()
         period, late = 1.0 / positive("rate", rate), positive("delay", delay) if delay else 0.0
         (A, B, C, D), queues = discrete((self.A, self.B, self.C, self.D), period, late, self.delays)
+        if not np.isfinite(np.hstack([A, B])).all():
+            why = f"one sample every {period:g} s, in which the model grows beyond float64; rates are in Hz"
+            raise ArgumentError(f"rate = {rate!r}: {why}", id="overflow")
         ago, names = delay_in(period, late).samples, zip(self.outputs, queues, strict=True)
         states = [f"{name}, {k} ago" for name in self.inputs for k in range(1, ago + 1)]
         states += [f"{name}, {k} ago" for name, count in names for k in range(1, count + 1)]
