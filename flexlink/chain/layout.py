@@ -42,7 +42,7 @@ class Layout:
         """View of this chain for kernels."""
         raise NotImplementedError
 
-    @property
+    @functools.cached_property
     def n(self) -> int:
         """Number of degrees of freedom."""
         return len(self.hinges)

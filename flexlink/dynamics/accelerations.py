@@ -17,7 +17,7 @@ from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.describe.run_settings import ForwardSolver
 from flexlink.dynamics.batches import about_state, each, is_batch, rows
-from flexlink.dynamics.bound import Bound, bound, same
+from flexlink.dynamics.bound import ARTICULATED, WORLD, Bound, bound
 from flexlink.dynamics.forces import all_torques, world_wrench, world_wrenches
 from flexlink.kernels.bodies.plane import planar_workspace
 from flexlink.kernels.bodies.rne import rne_workspace
@@ -79,12 +79,12 @@ def forward_dynamics(
     >>> print(free[0].round(2), abs(held).max() < 1e-9)  # rad/s²
     -151.15 True
     """
-    batch, usual = is_batch(q, qd, tau), same(solver, "articulated")
-    if not batch and usual and type(chain) is Chain and tip_wrench is None and same(frame, "world"):
+    usual = solver is ARTICULATED
+    if usual and type(chain) is Chain and tip_wrench is None and frame is WORLD:
         qdd = np.empty(chain.n)
         if accelerations(chain)(NO_WRENCH, q, qd, tau, qdd) and not base_without_rates(chain, q):
             return qdd
-    if not isinstance(chain, Chain) or batch:
+    if not isinstance(chain, Chain) or is_batch(q, qd, tau):
         return _forward_dynamics_of_many(chain, solver, tip_wrench, frame, q, qd, tau)
     n, kernel = chain.n, solver_for(chain, solver)
     q, qd, tau = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("tau", tau, n, many=True)

@@ -16,21 +16,21 @@ def bound(make: Callable[..., Bound]) -> Callable[..., Bound]:
 
     @functools.wraps(make)
     def kept(chain: Chain, *names: str) -> Bound:
-        known, key = chain.__dict__, " ".join((name, *names)) if names else name
-        if key not in known:
-            known[key] = make(chain, *names)
-        found: Bound = known[key]
+        key = " ".join((name, *names)) if names else name
+        try:
+            found: Bound = chain.__dict__[key]
+        except KeyError:
+            found = chain.__dict__[key] = make(chain, *names)
         return found
 
     return kept
+
+
+WORLD, ARTICULATED, COMPOSITE = "world", "articulated", "composite"
+"""Defaults of the functions below, which a call passes as these very strings: `is` suffices to choose the short way."""
 
 
 def unbind(chain: Chain) -> None:
     """Forget all bound functions of a chain whose numbers change: their scratch contains some of these."""
     for key in [key for key in vars(chain) if key.startswith("bound ")]:
         del vars(chain)[key]
-
-
-def same(given: object, name: str) -> bool:
-    """Whether an argument that may be of any type is this name."""
-    return given is name or (type(given) is str and given == name)

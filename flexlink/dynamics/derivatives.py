@@ -16,7 +16,7 @@ from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.accelerations import forward_dynamics, lanes_workspace, solver_for
 from flexlink.dynamics.batches import each, is_batch, rows, wrench_rows
-from flexlink.dynamics.bound import Bound, bound, same
+from flexlink.dynamics.bound import WORLD, Bound, bound
 from flexlink.dynamics.forces import about, force_slopes, turns_with_tip, world_wrench
 from flexlink.dynamics.free_motion import basis
 from flexlink.dynamics.result import Result
@@ -84,13 +84,12 @@ def inverse_dynamics_derivatives(
     >>> print(slopes.dq[0, 0].round(2))  # N m/rad: change of the holding torque with the first angle
     -9.3
     """
-    batch = is_batch(q, qd, qdd)
-    if not batch and type(chain) is Chain and tip_wrench is None and same(frame, "world"):
+    if type(chain) is Chain and tip_wrench is None and frame is WORLD:
         found = np.empty((3, chain.n, chain.n))
         if inverse_derivatives(chain)(NO_WRENCH, q, qd, qdd, found):
             found.setflags(write=False)
             return InverseDerivatives(found[0], found[1], found[2])
-    if batch:
+    if is_batch(q, qd, qdd):
         state = {"q": q, "qd": qd, "qdd": qdd}
         write = functools.partial(inverse_derivatives_of_many, require_type("chain", chain, Chain).arrays)
         many = _of_many(write, chain.n, state, tip_wrench, frame)
@@ -151,13 +150,12 @@ def forward_dynamics_derivatives(
     >>> print(slopes.dq.shape, np.allclose(slopes.dtau @ M, np.eye(chain.n)))
     (6, 6) True
     """
-    batch = is_batch(q, qd, tau)
-    if not batch and type(chain) is Chain and chain.shapes is None and tip_wrench is None and same(frame, "world"):
+    if type(chain) is Chain and chain.shapes is None and tip_wrench is None and frame is WORLD:
         found = np.empty((3, chain.n, chain.n))
         if forward_derivatives(chain)(NO_WRENCH, q, qd, tau, found):
             found.setflags(write=False)  # also makes its parts read-only
             return ForwardDerivatives(found[0], found[1], found[2])  # twice as fast as `*found`
-    if batch:
+    if is_batch(q, qd, tau):
         state, many = {"q": q, "qd": qd, "tau": tau}, None
         if not require_type("chain", chain, Chain).forces and chain.shapes is None:
             write = functools.partial(forward_derivatives_of_many, chain.arrays)

@@ -163,14 +163,14 @@ def jacobian(
     >>> print((J.linear @ np.ones(chain.n))[:2].round(3))  # m/s, all joints at 1 rad/s
     [1.032 5.186]
     """
-    if is_batch(q):
-        return each(jacobian, chain, {"q": q}, body=body, tip=tip, point=point)
     number, offset = body_number(chain, body, tip), ORIGIN
     if point is not None:
         offset = chain.described["link"][number] @ vector("point", point, 3)
     found = np.empty((2, 3, chain.n))
     columns = jacobian_columns(chain)
     if not columns(number, offset, q, found):
+        if is_batch(q):
+            return each(jacobian, chain, {"q": q}, body=body, tip=tip, point=point)
         q = vector("q", q, chain.n, many=True)
         if not columns(number, offset, q, found):
             raise beyond_float64("a position", q=q)

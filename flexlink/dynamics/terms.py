@@ -20,7 +20,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.batches import each, is_batch, rows
-from flexlink.dynamics.bound import Bound, bound, same
+from flexlink.dynamics.bound import COMPOSITE, WORLD, Bound, bound
 from flexlink.dynamics.forces import force_torque, of_joint_rates, spring_torque, world_wrench, world_wrenches
 from flexlink.kernels.bodies import mass, rne
 from flexlink.kernels.tools.address import bind
@@ -70,13 +70,12 @@ def inverse_dynamics(
     >>> print(torque.round(2) + 0.0)  # N m; equilibrium: zero at hinges with springs
     [77.6   0.    0.   30.31  0.    0.  ]
     """
-    batch = is_batch(q, qd, qdd)
-    if not batch and type(chain) is Chain and tip_wrench is None and same(frame, "world"):
+    if type(chain) is Chain and tip_wrench is None and frame is WORLD:
         tau = np.empty(chain.n)
         if newton_euler(chain)(NO_WRENCH, q, qd, qdd, tau):
             return tau
     n = require_type("chain", chain, Chain).n
-    if batch:
+    if is_batch(q, qd, qdd):
         state = {"q": q, "qd": qd, "qdd": qdd}
         many = rows(n, state)
         wrenches = world_wrenches([chain], many[0], tip_wrench, frame)
@@ -270,8 +269,7 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> 
     >>> print(M.shape, M[0, 0].round(3))  # kg m² about the first joint
     (6, 6) 12.181
     """
-    batch = is_batch(q)
-    if not batch and type(chain) is Chain and same(algorithm, "composite"):
+    if type(chain) is Chain and algorithm is COMPOSITE:
         M = np.zeros((chain.n, chain.n))
         if composite(chain)(q, M):
             return M
@@ -280,7 +278,7 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> 
         allowed = " or ".join(map(repr, algorithms_of(chain)))
         why = f"algorithm = {algorithm!r}: requires an unbranched arm without sliding joints; use {allowed}"
         raise ArgumentError(why, id="not-supported-here")
-    if batch:
+    if is_batch(q):
         if kernel is mass.mass_composite:
             found: Array = mass.mass_of_many(chain.arrays, *rows(n, {"q": q}))
             if is_finite(found.reshape(-1)):
