@@ -222,7 +222,12 @@ def test_a_misplaced_table_or_path_names_its_place_or_form(right: str, wrong: st
 
 @pytest.mark.parametrize(
     "words",
-    ["modes --lock upper fore SCENE", "loop SCENE --over drive.kp.fore --values 1e5,2e5", "advise SCENE -o SCENE"],
+    [
+        "modes --lock upper fore SCENE",
+        "loop SCENE --over drive.kp.fore --values 1e5,2e5",
+        "advise SCENE -o SCENE",
+        "report SCENE -o page.html",
+    ],
 )
 def test_a_command_that_does_not_fit_names_the_form_that_does(words: str, capsys) -> None:
     try:
