@@ -17,7 +17,7 @@ from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.describe.run_settings import ForwardSolver
 from flexlink.dynamics.batches import about_state, each, is_batch, rows
-from flexlink.dynamics.bound import ARTICULATED, WORLD, Bound, bound
+from flexlink.dynamics.bound import Bound, bound
 from flexlink.dynamics.forces import all_torques, world_wrench, world_wrenches
 from flexlink.kernels.bodies.plane import planar_workspace
 from flexlink.kernels.bodies.rne import rne_workspace
@@ -79,8 +79,8 @@ def forward_dynamics(
     >>> print(free[0].round(2), abs(held).max() < 1e-9)  # rad/s²
     -151.15 True
     """
-    usual = solver is ARTICULATED
-    if usual and type(chain) is Chain and tip_wrench is None and frame is WORLD:
+    usual = type(solver) is str and solver == "articulated"
+    if usual and type(chain) is Chain and tip_wrench is None and type(frame) is str and frame == "world":
         qdd = np.empty(chain.n)
         if accelerations(chain)(NO_WRENCH, q, qd, tau, qdd) and not base_without_rates(chain, q):
             return qdd

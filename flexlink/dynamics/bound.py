@@ -26,10 +26,6 @@ def bound(make: Callable[..., Bound]) -> Callable[..., Bound]:
     return kept
 
 
-WORLD, ARTICULATED, COMPOSITE = "world", "articulated", "composite"
-"""Defaults of the functions below, which a call passes as these very strings: `is` suffices to choose the short way."""
-
-
 def unbind(chain: Chain) -> None:
     """Forget all bound functions of a chain whose numbers change: their scratch contains some of these."""
     for key in [key for key in vars(chain) if key.startswith("bound ")]:

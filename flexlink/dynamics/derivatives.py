@@ -16,7 +16,7 @@ from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.accelerations import forward_dynamics, lanes_workspace, solver_for
 from flexlink.dynamics.batches import each, is_batch, rows, wrench_rows
-from flexlink.dynamics.bound import WORLD, Bound, bound
+from flexlink.dynamics.bound import Bound, bound
 from flexlink.dynamics.forces import about, force_slopes, turns_with_tip, world_wrench
 from flexlink.dynamics.free_motion import basis
 from flexlink.dynamics.result import Result
@@ -84,7 +84,7 @@ def inverse_dynamics_derivatives(
     >>> print(slopes.dq[0, 0].round(2))  # N m/rad: change of the holding torque with the first angle
     -9.3
     """
-    if type(chain) is Chain and tip_wrench is None and frame is WORLD:
+    if type(chain) is Chain and tip_wrench is None and type(frame) is str and frame == "world":
         found = np.empty((3, chain.n, chain.n))
         if inverse_derivatives(chain)(NO_WRENCH, q, qd, qdd, found):
             found.setflags(write=False)
@@ -150,7 +150,7 @@ def forward_dynamics_derivatives(
     >>> print(slopes.dq.shape, np.allclose(slopes.dtau @ M, np.eye(chain.n)))
     (6, 6) True
     """
-    if type(chain) is Chain and chain.shapes is None and tip_wrench is None and frame is WORLD:
+    if type(chain) is Chain and chain.shapes is None and tip_wrench is None and type(frame) is str and frame == "world":
         found = np.empty((3, chain.n, chain.n))
         if forward_derivatives(chain)(NO_WRENCH, q, qd, tau, found):
             found.setflags(write=False)  # also makes its parts read-only

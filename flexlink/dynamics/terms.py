@@ -20,7 +20,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.batches import each, is_batch, rows
-from flexlink.dynamics.bound import COMPOSITE, WORLD, Bound, bound
+from flexlink.dynamics.bound import Bound, bound
 from flexlink.dynamics.forces import force_torque, of_joint_rates, spring_torque, world_wrench, world_wrenches
 from flexlink.kernels.bodies import mass, rne
 from flexlink.kernels.tools.address import bind
@@ -70,7 +70,7 @@ def inverse_dynamics(
     >>> print(torque.round(2) + 0.0)  # N m; equilibrium: zero at hinges with springs
     [77.6   0.    0.   30.31  0.    0.  ]
     """
-    if type(chain) is Chain and tip_wrench is None and frame is WORLD:
+    if type(chain) is Chain and tip_wrench is None and type(frame) is str and frame == "world":
         tau = np.empty(chain.n)
         if newton_euler(chain)(NO_WRENCH, q, qd, qdd, tau):
             return tau
@@ -269,7 +269,7 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> 
     >>> print(M.shape, M[0, 0].round(3))  # kg m² about the first joint
     (6, 6) 12.181
     """
-    if type(chain) is Chain and algorithm is COMPOSITE:
+    if type(chain) is Chain and type(algorithm) is str and algorithm == "composite":
         M = np.zeros((chain.n, chain.n))
         if composite(chain)(q, M):
             return M

@@ -299,6 +299,5 @@ def _rows(name: str, given: ArrayLike, shape: tuple[int, int]) -> Array:
     if found.shape == shape[1:] and name != "tau":
         found = np.array(np.broadcast_to(found, shape))
     if found.shape != shape or not np.isfinite(found).all():
-        why = f"expected finite numbers of shape {shape}, a row for each arm; got shape {found.shape}"
-        raise ArgumentError(f"{name}: {why}", id="wrong-shape")
+        raise ArgumentError(f"{name}: expected finite numbers of shape {shape}, a row for each arm", id="wrong-shape")
     return found

@@ -243,7 +243,8 @@ def test_an_item_of_a_list_and_a_name_with_a_dot_are_written_as_the_message_stat
     dotted = SCENE.varied({"link.upper.name": "boom.1"})
     with refused(fl.errors.SceneError, "cannot-set"):
         dotted.varied({path: 1.5})
-    assert dotted.varied({'link."boom.1".length': 1.5, "link.1.length": 0.5}).arm.links[1].length == 1.5
+    mended = dotted.varied({'link."boom.1".length': 1.5, "link.1.length": 0.5})
+    assert mended.arm.links[1].length == 1.5
 
 
 def test_rows_of_a_sweep_are_read_by_name() -> None:
@@ -270,7 +271,7 @@ def test_a_model_sampled_at_a_period_instead_of_a_rate_is_refused() -> None:
 def test_a_property_that_fails_shows_its_own_error() -> None:
     run = fl.simulate(fl.load_scene("models/paper_fig5.toml"), duration=0.0)
     run.scene.arm.materials["aluminium"] = 5
-    with pytest.raises(AttributeError, match="'int' object has no attribute"):
+    with pytest.raises(AttributeError, match="int"):
         run.hints  # noqa: B018
 
 
