@@ -144,6 +144,8 @@ class _Parser(argparse.ArgumentParser):
 
     def parse_known_args(self, *given: Any, **named: Any) -> Any:
         """Parse words; unknown ones are refused here, where the options of the command are known."""
+        if sum(word in {"-o", "--out"} for word in (given or ((),))[0] or ()) > 1:
+            self.error("argument -o/--out: given twice, but one place is written; run the command for each")
         found, rest = super().parse_known_args(*given, **named)
         if rest:
             self.error(f"unrecognized arguments: {' '.join(rest)}{self._instead_of(rest[0])}")

@@ -227,6 +227,7 @@ def test_a_misplaced_table_or_path_names_its_place_or_form(right: str, wrong: st
         "loop SCENE --over drive.kp.fore --values 1e5,2e5",
         "advise SCENE -o SCENE",
         "report SCENE -o page.html",
+        "simulate SCENE -o a.csv -o b.npz",
     ],
 )
 def test_a_command_that_does_not_fit_names_the_form_that_does(words: str, capsys) -> None:
