@@ -7,7 +7,6 @@ flexlink advise models/paper_fig5.toml --tip 1mm --for control
 
 import argparse
 import contextlib
-from pathlib import Path
 
 from flexlink.advice.advise import advise
 from flexlink.cli.shared import prefix_errors, print_path, varied_scene
@@ -18,7 +17,7 @@ from flexlink.common.output import write_or_keep, write_text
 def run_command(options: argparse.Namespace) -> int:
     """Find a model, print the reasons, and write the scene on request; exit with 1 if no model is good enough."""
     scene, tip = varied_scene(options.scene, options), options.tip
-    if options.out is not None and options.out.resolve() == Path(options.scene).resolve():
+    if options.out is not None and options.out.resolve() == options.scene.resolve():
         raise ArgumentError(f"--out {options.out}: is the scene that is advised on; name another file", id="own-file")
     with contextlib.suppress(ValueError):  # a length with its unit
         tip = float(tip)

@@ -132,6 +132,13 @@ def _copied_by(error: Exception, options: argparse.Namespace) -> str:
     return "".join(f"; get {name} by: flexlink examples {name}" for name in names if name.name == path.name)
 
 
+COMMANDS = {
+    "plot": "simulate SCENE --plot run.png", "run": "simulate", "animate": "show", "film": "show",
+    "convert": "export", "validate": "compare", "identify": "fit", "optimise": "advise", "frequencies": "modes",
+}  # fmt: skip
+"""What commands of other programs are called here; in code, since a wrong command loads nothing, no TOML either."""
+
+
 class _Parser(argparse.ArgumentParser):
     """A parser that reports a wrong option in one line, and reads 1mm where an option's help names its unit, [m]."""
 
@@ -142,11 +149,11 @@ class _Parser(argparse.ArgumentParser):
             about["type"] = functools.partial(_in_si, unit[1])
         return super().add_argument(*(("-o", "--out") if "--out" in names else names), **about)
 
-    def parse_known_args(self, *given: Any, **named: Any) -> Any:
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse words; unknown ones are refused here, where the options of the command are known."""
-        if sum(word in {"-o", "--out"} for word in (given or ((),))[0] or ()) > 1:
+        if sum(word in {"-o", "--out"} for word in args or ()) > 1:
             self.error("argument -o/--out: given twice, but one place is written; run the command for each")
-        found, rest = super().parse_known_args(*given, **named)
+        found, rest = super().parse_known_args(args, namespace)
         if rest:
             self.error(f"unrecognized arguments: {' '.join(rest)}{self._instead_of(rest[0])}")
         return found, rest
@@ -177,10 +184,10 @@ class _Parser(argparse.ArgumentParser):
             known, where = [name.strip("' ") for name in wrong[2].split(",")], message.partition(": invalid")[0]
             is_command = where == "argument command"
             what = "unknown command" if is_command else f"{where}: unknown"
-            meant = _table("meant")["command"].get(wrong[1]) if is_command else None
+            meant = COMMANDS.get(wrong[1]) if is_command else None
             near = f"; did you mean {meant!r}?" if meant else did_you_mean(wrong[1], known)
             message = f"{what} {wrong[1]!r}{near or '; allowed are ' + ', '.join(known)}"
-        for row in _table("meant")["message"]:
+        for row in () if wrong else _table("meant")["message"]:
             message = re.sub(row["pattern"], row["text"], message)
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
 
@@ -193,8 +200,7 @@ def _in_si(unit: str, text: str) -> float:
     try:
         return float(number) * conversion(given or unit, unit)  # type: ignore[operator]
     except (TypeError, ValueError):  # another unit, or no number
-        known = ", ".join(units_like(unit))
-        why = f"{text!r}: expected a number in {unit}, such as 0.5, or with a unit: {known}"
+        why = f"{text!r}: expected a number in {unit}, such as 0.5, or with a unit: {', '.join(units_like(unit))}"
         raise argparse.ArgumentTypeError(why) from None
 
 
@@ -247,7 +253,6 @@ def _add_arguments(command: argparse.ArgumentParser, name: str, words: Mapping[s
 
 @functools.cache
 def _table(name: str) -> dict[str, Any]:
-    """Contents of a TOML file of this folder: `options`, or what words of other programs are `meant` to be."""
     import tomllib  # noqa: PLC0415  not needed for help
 
     return tomllib.loads(Path(__file__).with_name(f"{name}.toml").read_text(encoding="utf-8"))

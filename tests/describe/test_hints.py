@@ -124,13 +124,10 @@ def names_unit(hint: str, unit: str) -> bool:
     return re.search(rf"(?<!\S){re.escape(unit)}(?!\w)", hint.partition(": ")[2]) is not None
 
 
-GEAR = {"name": "gear", "kind": "joint", "link": "jib", "stiffness": 1e4}
-
-
 @pytest.mark.parametrize(("mistake", "path"), [
     ({"link.boom.drag": {"coefficient": 1.2}, "air_density": 1000.0}, "air_density"),
     ({"link.boom.drag": {"coefficient": 1.2, "breadth": [120.0, 120.0]}, "air_density": 1.2}, "link.boom.drag.breadth"),
-    ({"tie": [{**GEAR, "play": 2.0}]}, "tie.gear.play"),
+    ({"tie": [{"name": "gear", "kind": "joint", "link": "jib", "stiffness": 1e4, "play": 2.0}]}, "tie.gear.play"),
 ])  # fmt: skip
 def test_water_a_breadth_in_millimetres_and_a_play_in_degrees_get_a_hint(mistake: dict[str, Any], path: str) -> None:
     (hint,) = hints(CRANE.varied(mistake))
