@@ -189,6 +189,8 @@ def _summary(cells: list[Cell], optimum: list[float]) -> Iterator[Measured]:
     stated = [c for c in known if c.advice.met and c.advice.converged_tip is not None]
     yield from _spread("stated over true error", [c.advice.error / c.error for c in stated])
     yield Measured("stated too little", sum(c.advice.error < c.error - c.true.error for c in stated))
+    promised = [(cell.advice.scene.run.tolerance or 0.0) / cell.advice.tolerance for cell in cells if cell.advice.met]
+    yield Measured("tolerance of the steps over the goal, largest", max(promised, default=0.0))
     most = max((c.advice.error / (c.error + c.true.error) for c in stated), default=1.0)
     yield Measured("stated too much", most)
     yield from _spread("advice over naive cost", [cell.work / cell.naive for cell in cells])
