@@ -64,7 +64,7 @@ class ModelRunner:
         self.postures: list[tuple[float, dict[int, float], dict[int, float]]] = []  # time, angles, rates by link
         self._chains: dict[Model, Chain] = {}
         self._stable_steps: dict[Model, float] = {}
-        self._outcomes: dict[tuple[Model, Stepping], Outcome] = {}
+        self._outcomes: dict[tuple[Model, Stepping, bool], Outcome] = {}
 
     def chain(self, model: Model) -> Chain:
         """The scene's chain with a model."""
@@ -83,11 +83,12 @@ class ModelRunner:
             sample=run.spacing, accuracy="tip", solver="articulated", unstable="refuse",
         )  # fmt: skip
 
-    def run(self, model: Model, stepping: Stepping) -> Outcome:
-        """Run a model, or return its outcome if it has already been run."""
-        if (model, stepping) not in self._outcomes:
-            self._outcomes[model, stepping] = self.run_from(None, model, stepping)
-        return self._outcomes[model, stepping]
+    def run(self, model: Model, stepping: Stepping, *, compared: bool = False) -> Outcome:
+        """Run a model, or return its outcome if it has already been run; `compared` as in `run_from`."""
+        key = model, stepping, compared
+        if key not in self._outcomes:
+            self._outcomes[key] = self.run_from(None, model, stepping, compared=compared)
+        return self._outcomes[key]
 
     def perturbed_run(self, model: Model, stepping: Stepping, angle: float) -> Outcome | None:
         """The run with free hinges turned by an angle [rad] at the start, slides by angle × size; None if none is."""
@@ -104,15 +105,17 @@ class ModelRunner:
         joint_m = tuple(m.tolist()) if chain.slides[free].any() else initial.joint_m
         return self.run_from(replace(initial, joint_deg=tuple(deg.tolist()), joint_m=joint_m), model, stepping)
 
-    def run_from(self, initial: InitialState | None, model: Model, stepping: Stepping) -> Outcome:
-        """The run from other initial conditions; None: those of the scene."""
+    def run_from(
+        self, initial: InitialState | None, model: Model, stepping: Stepping, *, compared: bool = False
+    ) -> Outcome:
+        """The run from other initial conditions; None: those of the scene. `compared`: the run `simulate` returns."""
         tip = np.full((self.scene.run.samples, 3), np.nan)
         reason, over_budget, run = "", False, None
         try:
             scene = self.scene_of(model, stepping)
             scene = scene if initial is None else replace(scene, initial=initial)
             with deferred() as stop:
-                run = self._finish(SingleRun(problem_of(scene, self.chain(model), tied=True)), stop)
+                run = self._finish(SingleRun(problem_of(scene, self.chain(model), tied=True)), stop, compared=compared)
         except DivergenceError as error:
             run, reason = error.trajectory, str(error)
         except FlexlinkError as error:
@@ -125,7 +128,7 @@ class ModelRunner:
         self.seconds += seconds
         return Outcome(tip, seconds, run, stepping, reason, over_budget)
 
-    def _finish(self, single: SingleRun, stop: Stop) -> Trajectory:
+    def _finish(self, single: SingleRun, stop: Stop, *, compared: bool) -> Trajectory:
         """Run to the end, or until the budget is used up."""
         chain = single.monitor.record.problem.original
 
@@ -137,7 +140,7 @@ class ModelRunner:
                 why = f"a run used up the budget of {self.budget:g} s at {fraction:.0%} of its duration"
                 raise FlexlinkError(f"{chain.name}: {why}; use a larger budget", id="over-budget")
 
-        return single.finish(stop, check, compared=False)
+        return single.finish(stop, check, compared=compared)
 
     def sample_postures(self, run: Trajectory) -> None:
         """Sample five configurations of a run to find stable steps; the initial one alone is not sufficient."""

@@ -72,11 +72,11 @@ def cheapest_run(runner: ModelRunner, strict: Outcome, allowed: float, error: Ca
         return outcome.completed and error(outcome.tip) <= allowed and outcome.seconds < found.seconds
 
     for stepping in _steppings(runner, strict, allowed):
-        if is_better(outcome := runner.run(model, stepping)):
+        if is_better(outcome := runner.run(model, stepping, compared=True)):
             found = outcome
             break
     for factor in Thresholds.loose if runner.least_explicit_cost(model) < found.seconds else ():
-        if is_better(outcome := runner.run(model, Stepping("DOP853", tolerance=factor * allowed))):
+        if is_better(outcome := runner.run(model, Stepping("DOP853", tolerance=factor * allowed), compared=True)):
             return outcome
     return found
 

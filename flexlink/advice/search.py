@@ -131,9 +131,17 @@ class Search:
         return self.solution
 
     def accept(self, model: Model, outcome: Outcome) -> bool:
-        """Adopt a run if its error is allowed and no earlier run is cheaper; return whether its error is allowed."""
+        """Adopt a run if its error is allowed and no earlier run is cheaper; return whether its error is allowed.
+
+        `simulate` compares some runs with others and returns a finer one, without errors of steps that cancel those of
+        the model. So a run is adopted only if what `simulate` returns is allowed as well.
+        """
         found = self.link_errors.solution(model, outcome, self.allowed)
-        if found and (self.solution is None or outcome.seconds < self.solution.outcome.seconds):
+        if found is None or (self.solution is not None and outcome.seconds >= self.solution.outcome.seconds):
+            return found is not None
+        returned = self.runner.run(model, outcome.stepping, compared=True)
+        found = self.link_errors.solution(model, returned, self.allowed)
+        if found and (self.solution is None or returned.seconds < self.solution.outcome.seconds):
             self.solution = found
         return found is not None
 
@@ -333,8 +341,8 @@ class ShapeSearch:
         """The coarsest level of the refinement study whose error is at most this share of the allowed error."""
         levels = self.link_errors.refinement.models().items()
         for model, outcome in sorted(levels, key=lambda level: self.runner.chain(level[0]).n):
-            if found := self.link_errors.solution(model, outcome, share * self.allowed):
-                return found
+            if self.link_errors.solution(model, outcome, share * self.allowed):
+                return self._tried(model, outcome.stepping)
         return None
 
     def _shaped(self) -> Solution | None:
@@ -359,7 +367,7 @@ class ShapeSearch:
         """The solution of a run; None if it fails or its error is not allowed."""
         if not can_move(self.runner.scene, model):
             return None
-        return self.link_errors.solution(model, self.runner.run(model, stepping), self.allowed)
+        return self.link_errors.solution(model, self.runner.run(model, stepping, compared=True), self.allowed)
 
     def _by_fixed_steps(self, solution: Solution) -> Solution:
         """The same model by RK4 with the largest stable or accurate step."""

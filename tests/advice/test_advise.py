@@ -365,6 +365,7 @@ def test_advice_on_an_imported_robot_is_right_and_links_without_beams_stay_rigid
     allowed = advice.scene.run.tolerance  # of the steps, which a compared run makes much smaller
     assert allowed is not None
     assert off <= advice.error <= min(advice.tolerance, 3 * (off + allowed))
+    assert allowed <= advice.tolerance
     column, upper, fore = advice.scene.arm.links
     assert (column.name, column.flex) == ("column", "rigid")
     assert "rigid" not in {upper.flex, fore.flex}

@@ -49,7 +49,7 @@ class Runs:
     def __init__(self, scene: fl.Scene, budget: float) -> None:
         self.budget = float(budget)  # a scene passed by mistake would raise an error
 
-    def run(self, model: Any, stepping: Stepping) -> Outcome:
+    def run(self, model: Any, stepping: Stepping, *, compared: bool = False) -> Outcome:
         h = sum(bend.hinges for bend in model if bend) / len(model) or 1
         aside = self.slip * (stepping.tolerance or 1e-3 * (stepping.step or 0.0)) * np.arange(3)[:, None] / 2
         tip = PATH * (1 + h**-2 + 8 * h**-4) + aside * [1.0, 0.0, 0.0]
@@ -124,7 +124,7 @@ def test_the_cheapest_model_equals_that_of_an_exhaustive_search(runs: type[Runs]
         h = n / links or 1
         ways = [Stepping("RK4", step=f * 0.9 * 0.2 / (n or 1)) for f in (1.0, 0.5) if allowed]
         ways += [Stepping(method, tolerance=f * tolerance) for method in ("Radau5", "DOP853")
-                 for tolerance in tolerances for f in (10.0, 3.0, 1.0, 0.3, 0.1)]  # fmt: skip
+                 for tolerance in tolerances for f in (1.0, 0.3, 0.1)]  # fmt: skip
         for way in ways:
             aside = 0.3 * (way.tolerance or 1e-3 * (way.step or 0.0))
             off = np.linalg.norm(PATH * (h**-2 + 8 * h**-4) + np.outer([0, 0.5, 1], [aside, 0, 0]), axis=1).max()
