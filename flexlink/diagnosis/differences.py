@@ -7,10 +7,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.errors import Diagnostic
-from flexlink.common.types import Array, Indices
+from flexlink.common.types import Array, Indices, Mask
 from flexlink.diagnosis.joint_axes import Displacement, deviations, displaced_joints, reach, turning, undo_displacements
 from flexlink.diagnosis.mistakes import Field, _names, _short, _where, table
 from flexlink.diagnosis.patterns import Discrepancy, any_difference, fewer_digits
@@ -338,7 +337,7 @@ def with_rows(ours: Array, theirs: Array, rows: Indices) -> Array:
     return mixed
 
 
-def _shortened(field: str, diff: Discrepancy) -> NDArray[np.bool_]:
+def _shortened(field: str, diff: Discrepancy) -> Mask:
     """Whether each entry differs little; a scalar must also have a short number of digits in one of the records."""
     if field == "lines":
         return ~np.isin(diff.rows, displaced_joints(diff.our_record, diff.their_record, LOST))

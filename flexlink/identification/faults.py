@@ -17,11 +17,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
 from flexlink.common.errors import Diagnostic, FlexlinkError
-from flexlink.common.types import Array
+from flexlink.common.types import Array, Mask
 from flexlink.data.csv_table import head_of
 from flexlink.data.documents import read_toml
 from flexlink.describe.link import Link
@@ -319,7 +318,7 @@ def _scaled(colour: Colour) -> Callable[[Array], Array]:
     return lambda X: colour.whitened(X) / size
 
 
-def _selected(e: Array, J: Array, S: Array, most: int, physical: npt.NDArray[np.bool_]) -> list[int]:
+def _selected(e: Array, J: Array, S: Array, most: int, physical: Mask) -> list[int]:
     """Numbers of the significant faults, by forward selection, physical ones first if they explain as much."""
     basis, chosen = np.linalg.qr(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300))[0], list[int]()
     size = np.linalg.norm(S, axis=0)
