@@ -10,33 +10,21 @@ import flexlink.common.interruption  # noqa: F401  must come first: responds to 
 
 # isort: split
 
-from flexlink import errors
-from flexlink.common.errors import FlexlinkError
+from flexlink import errors as errors
+from flexlink.common.errors import FlexlinkError as FlexlinkError
 from flexlink.common.versions import __version__ as __version__
 from flexlink.common.versions import old_name
 from flexlink.common.wording import did_you_mean
 
-__all__ = [
-    "Arm", "Base", "Chain", "Damping", "Drag", "Drive", "FlexibleLink", "FlexlinkError", "Friction", "InitialState",
-    "InputShaper", "Joint", "Link", "Material", "Mount", "PrescribedMotion", "Problem", "Reference", "RigidBody",
-    "Rigidity", "RunSettings", "Scene", "Section", "Sensor", "Simulator", "SimulatorBatch", "Sweep", "Trajectory",
-    "Wrench", "advise", "bias_torque", "compare", "compare_trajectories", "details", "drag_torque", "elastic_torque",
-    "energy", "errors", "fit", "fits", "forward_dynamics", "forward_dynamics_derivatives", "frames", "friction_torque",
-    "gravity_torque", "import_urdf", "initial_state", "inverse_dynamics", "inverse_dynamics_derivatives", "invert",
-    "jacobian", "linearize", "linearize_many", "load_scene", "loop", "lump", "mass_matrix", "modes", "momentum",
-    "natural_frequencies", "point_motion", "report", "run_gradient", "sensitivities", "simulate", "simulate_many",
-    "small_motion", "solve_static", "stable_step", "strength", "sweep", "tip_position", "to_c", "to_casadi", "to_fmu",
-    "to_mjcf", "to_sdf", "to_urdf",
-]  # fmt: skip
-
 
 @functools.cache
 def _places() -> dict[str, str]:
-    """Module of each public name, from the list for type checkers."""
+    """Module of each public name, sorted by name, from the list for type checkers."""
     import ast  # noqa: PLC0415  saves a tenth of the time of `import flexlink`
 
     stub = ast.parse(Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
-    return {each.names[0].name: str(each.module) for each in stub.body if isinstance(each, ast.ImportFrom)}
+    places = ((each.names[0].name, str(each.module)) for each in stub.body if isinstance(each, ast.ImportFrom))
+    return {name: module for name, module in sorted(places) if name != "__version__"}
 
 
 def __getattr__(name: str) -> object:
@@ -44,7 +32,9 @@ def __getattr__(name: str) -> object:
     modules = ("details", "fits", "small_motion", "strength")
     if name in modules:
         return importlib.import_module(f"flexlink.{name}")
-    if name in __all__:
+    if name == "__all__":
+        return [*_places()]
+    if name in _places():
         module = importlib.import_module(_places()[name])
         public, room = getattr(module, name), module.__name__.rpartition(".")[2]
         quick = "terms", "accelerations", "conserved", "forces", "placement", "simulate"  # a check would be felt
@@ -59,11 +49,11 @@ def __getattr__(name: str) -> object:
     if not name.startswith("_") and importlib.util.find_spec(f"flexlink.{name}") is None:  # a module is also asked for
         moved = [m for m in modules if name in importlib.import_module(f"flexlink.{m}").__all__]
         elsewhere = {"crba": "mass_matrix", "rnea": "inverse_dynamics", "aba": "forward_dynamics", "load": "load_scene"}
-        near = did_you_mean(elsewhere.get(name.partition("_")[0], name), __all__)
+        near = did_you_mean(elsewhere.get(name.partition("_")[0], name), _places())
         near = "; a run plots itself, run.plot()" if name == "plot" else near
         where = f"; it is flexlink.{moved[0]}.{name}" if moved else near
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}{where}")
 
 
 def __dir__() -> list[str]:
-    return sorted({*__all__, *(name for name in globals() if name.startswith("__"))})
+    return sorted({*_places(), *(name for name in globals() if name.startswith("__"))})

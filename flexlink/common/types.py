@@ -9,3 +9,4 @@ T = TypeVar("T")
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Indices = NDArray[np.int64]
+Mask = NDArray[np.bool_]

@@ -6,18 +6,10 @@ import msgspec
 
 from flexlink.common.errors import SceneError
 from flexlink.common.wording import both_given, missing, truncated
+from flexlink.describe import spec
 from flexlink.describe.filters import Filter
 from flexlink.describe.numbers import check_table
 from flexlink.describe.reference import Reference
-from flexlink.describe.spec import (
-    NonNegative,
-    NonNegativePerLink,
-    PerLink,
-    Positive,
-    PositivePerLink,
-    Spec,
-    measured_in,
-)
 
 
 class DriveFilter(Filter, frozen=True):
@@ -33,7 +25,7 @@ class DriveFilter(Filter, frozen=True):
     """Name of the link whose joint's torque is filtered. Default: all."""
 
 
-class Drive(Spec, frozen=True):
+class Drive(spec.Spec, frozen=True):
     """Drive torques T_EX at the active joints, one per link; at prismatic joints, forces [N].
 
     constant: T_EX = torque [N m].  table: `torques`, one row per time, constant before the first and after the last
@@ -63,42 +55,42 @@ class Drive(Spec, frozen=True):
     kind: Literal["none", "constant", "table", "pd", "computed_torque", "cascade"] = "none"
     """Drive of the joints: none, a constant torque, a table over time, or a controller (pd, computed_torque,
     cascade)."""
-    torque: PerLink | None = None
+    torque: spec.PerLink | None = None
     """For constant: torque on each joint, one per link [N m]; for a prismatic joint, the force [N]."""
-    times: Annotated[tuple[float, ...] | None, measured_in("s")] = None
+    times: Annotated[tuple[float, ...] | None, spec.measured_in("s")] = None
     """For a table, or a feedforward table of pd or cascade: times of its rows [s]."""
-    torques: tuple[PerLink, ...] | None = None
+    torques: tuple[spec.PerLink, ...] | None = None
     """For a table, or a feedforward table of pd or cascade: one row per time, with one torque per link [N m], or force
     [N]."""
     file: str | None = None
     """For a table, or a feedforward table of pd or cascade: a CSV file instead of `times` and `torques`, with headers
     "t [s]" and "tau NAME [N m]" for every driven joint. The path is relative to the scene's folder; the file is read
     once, with the scene."""
-    kp: NonNegativePerLink | None = None
+    kp: spec.NonNegativePerLink | None = None
     """For a controller: position gains, one per link [N m/rad; N/m]; for computed_torque [1/s²]; for
     cascade [1/s]."""
-    kd: NonNegativePerLink | None = None
+    kd: spec.NonNegativePerLink | None = None
     """For a controller: rate gains, one per link [N m s/rad; N s/m]; for computed_torque [1/s]."""
-    target_deg: Annotated[PerLink | None, measured_in("deg")] = None
+    target_deg: Annotated[spec.PerLink | None, spec.measured_in("deg")] = None
     """For a controller: target angles of the joints, one per link [deg]."""
-    target_m: Annotated[PerLink | None, measured_in("m")] = None
+    target_m: Annotated[spec.PerLink | None, spec.measured_in("m")] = None
     """For a controller: target positions of prismatic joints, one per link [m]."""
     reference: Reference | None = None
     """For a controller: time-varying target of the joints, instead of `target_deg`."""
     gravity: Literal["none", "rigid", "static"] = "none"
     """For pd and cascade: feedforward torque that holds the rigid arm (rigid) or the arm bent by gravity (static) at
     the target."""
-    ki: NonNegativePerLink | None = None
+    ki: spec.NonNegativePerLink | None = None
     """For cascade: gains of the integral of the rate error, one per link [N m/rad; N/m]. Default: zero."""
     rate_feedforward: Annotated[float, msgspec.Meta(ge=0, le=1)] | None = None
     """For cascade: part of the reference's rate that is added to the rate that the position loop asks for, 0 … 1 [1].
     Default: 1, so the joints do not lag behind the reference."""
-    inertia: NonNegativePerLink | None = None
+    inertia: spec.NonNegativePerLink | None = None
     """For cascade: torque for each rad/s² of the reference's acceleration, one per link [kg m²; kg]. Default: zero."""
-    max_rate_deg: Annotated[NonNegativePerLink | None, measured_in("deg/s")] = None
+    max_rate_deg: Annotated[spec.NonNegativePerLink | None, spec.measured_in("deg/s")] = None
     """For cascade: limits of the rate that the position loop asks for, one per link [deg/s]; 0: no limit. Default: no
     limits."""
-    max_rate_m: Annotated[NonNegativePerLink | None, measured_in("m/s")] = None
+    max_rate_m: Annotated[spec.NonNegativePerLink | None, spec.measured_in("m/s")] = None
     """For cascade: the same for prismatic joints, one number per link [m/s]; 0: no limit. Default: no limits."""
     filter: tuple[DriveFilter, ...] = ()
     """For cascade: filters of the torques in series, which start in steady state; each filters the torque of its
@@ -107,12 +99,12 @@ class Drive(Spec, frozen=True):
     """For a table: interpolate by a cubic spline, which preserves the integrator's order. Default: linear."""
     hold: bool = False
     """For a table: keep the values of each row until the next time."""
-    effort: PositivePerLink | None = None
+    effort: spec.PositivePerLink | None = None
     """Torque limit of each drive, one per link [N m; N]. Default: no limit."""
-    rate: Annotated[Positive | None, measured_in("Hz")] = None
+    rate: Annotated[spec.Positive | None, spec.measured_in("Hz")] = None
     """Sampling rate of the controller [Hz]; its torques stay constant between samples. Default: the controller is
     evaluated at every stage of a step."""
-    delay: Annotated[NonNegative, measured_in("s")] = 0.0
+    delay: Annotated[spec.NonNegative, spec.measured_in("s")] = 0.0
     """For a sampled controller: time from a sampling instant until its torques act (computation and transmission) [s];
     any time, also parts of a sampling period or several periods."""
 

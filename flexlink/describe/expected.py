@@ -22,6 +22,13 @@ def limits() -> dict[str, dict[str, Any]]:
     return {name: {"text": f"{row['what']}: {row['instead']}", **row} for name, row in rows.items()}
 
 
+@cache
+def kinds_of(what: str) -> dict[str, tuple[list[str], list[str], str]]:
+    """Keys that each kind of a "sensor", "tie" or "reference" needs, keys that it may have, and a sensor's unit."""
+    rows = read_toml(Path(__file__).parent / "data" / "kinds.toml")[what]
+    return {kind: (needs, may, "".join(unit)) for kind, (needs, may, *unit) in rows.items()}
+
+
 def expected(where: str, kind: Any, value: object, reason: str, units: Sequence[str] = ()) -> str:
     """Describe what a key accepts, using its annotation, its name, or msgspec's reason and the key's units."""
     known = (

@@ -11,6 +11,7 @@ from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import both_given, missing, truncated
 from flexlink.describe import profiles
+from flexlink.describe.expected import kinds_of
 from flexlink.describe.joint_units import IN_METRES, OF_JOINT, OF_MOTION, Row, Slides, in_si, together
 from flexlink.describe.numbers import check_table, require_positive
 from flexlink.describe.reference_trajectory import ReferenceTrajectory, distinct, from_rest_to_rest, side_by_side, still
@@ -18,16 +19,7 @@ from flexlink.describe.shaping import InputShaper
 from flexlink.describe.spec import NonNegative, NonNegativePerLink, PerLink, Positive, Spec, measured_in
 
 LIMITS = ("max_rate_deg", "max_acceleration_deg", "max_jerk_deg")
-TAKES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "quintic": (("to_deg",), ("from_deg", "start", "duration", *LIMITS)),
-    "trapezoidal": (("to_deg",), ("from_deg", "start", "duration", *LIMITS[:2])),
-    "s_curve": (("to_deg",), ("from_deg", "start", "duration", *LIMITS)),
-    "linear": (("times", "angle_deg"), ()),
-    "smooth": (("times", "angle_deg"), ("rate_deg", "acceleration_deg")),
-    "hold": (("times", "angle_deg"), ()),
-}
-"""Keys that each profile needs, and optional keys; twins in metres are implied."""
-TABLED = tuple(profile for profile, (needs, _) in TAKES.items() if "times" in needs)
+TABLED = ("linear", "smooth", "hold")  # profiles given by tables
 LISTS = ("to_deg", "from_deg", *LIMITS)
 
 
@@ -122,8 +114,9 @@ class Reference(Spec, frozen=True):
                 if getattr(self, key) not in (None, 0.0):
                     raise both_given("file", self.file, key)
             return
-        needs, may = TAKES[self.profile]
-        for name in dict.fromkeys(name for both in TAKES.values() for part in both for name in part):
+        known = kinds_of("reference")
+        needs, may, _ = known[self.profile]
+        for name in dict.fromkeys(name for each in known.values() for name in (*each[0], *each[1])):
             values = {key: getattr(self, key) for key in (name, IN_METRES.get(name, name))}
             if name in needs and all(value is None for value in values.values()):
                 raise missing(name, self._takes)
@@ -141,7 +134,7 @@ class Reference(Spec, frozen=True):
     @property
     def _takes(self) -> str:
         """The keys that the profile needs, and the keys that it may have, in words."""
-        needs, may = TAKES[self.profile]
+        needs, may, _ = kinds_of("reference")[self.profile]
         also = f", and may have {', '.join(may)}" if may else ""
         return f"profile {self.profile!r} takes {', '.join(needs)}{also}"
 

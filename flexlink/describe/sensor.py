@@ -13,6 +13,7 @@ from flexlink.common.wording import both_given, missing, truncated
 from flexlink.data.csv_table import conversion
 from flexlink.describe.arm import BASE, Arm
 from flexlink.describe.directions import unit
+from flexlink.describe.expected import kinds_of
 from flexlink.describe.filters import MOST, Filter, Frequency
 from flexlink.describe.joint_units import OF_JOINT
 from flexlink.describe.link import Link
@@ -20,18 +21,6 @@ from flexlink.describe.spec import LARGE, SMALL, Deviation, NonNegative, Positiv
 
 Kind = Literal["strain", "accelerometer", "gyroscope", "joint", "torque", "current", "position", "force", "pressure"]
 """Measured quantity of a sensor."""
-KINDS: dict[str, tuple[tuple[str, ...], tuple[str, ...], str]] = {
-    "strain": (("x", "fibre"), (), "1"),
-    "accelerometer": ((), ("x", "point", "axis"), "m/s²"),
-    "gyroscope": ((), ("x", "point", "axis"), "rad/s"),
-    "position": ((), ("x", "point", "axis"), "m"),
-    "joint": ((), (), ""),
-    "torque": ((), (), ""),
-    "current": (("torque_constant",), (), "A"),
-    "force": (("tie",), (), "N"),
-    "pressure": (("tie",), (), "Pa"),
-}
-"""Required keys, optional keys, and unit of the signal of each kind; "" if the unit depends on the joint."""
 ON_A_BASE = ("accelerometer", "gyroscope", "position")  # kinds that may be attached to a base that floats
 OF_THE_DRIVE = ("joint", "torque", "current")  # kinds that are attached to a link's joint
 
@@ -118,7 +107,7 @@ class Sensor(Spec, frozen=True):
         super().__post_init__()
         self._check_name()
         self._check_link()
-        needs, may, _ = KINDS[self.kind]
+        needs, may, _ = kinds_of("sensor")[self.kind]
         for key in of_kinds:
             value = getattr(self, key)
             if value is None and key in needs:
@@ -205,7 +194,7 @@ class Sensor(Spec, frozen=True):
     @property
     def on_tie(self) -> bool:
         """Whether the sensor is on a tie, and not on a link."""
-        return "tie" in KINDS[self.kind][0]
+        return "tie" in kinds_of("sensor")[self.kind][0]
 
     @property
     def components(self) -> tuple[str, ...]:
@@ -221,7 +210,7 @@ class Sensor(Spec, frozen=True):
     def _own_unit(self, slides: bool) -> str:
         """SI unit of the sensor's signal, for a joint that is prismatic (`slides`) or revolute."""
         of_joint = OF_JOINT[slides]
-        return KINDS[self.kind][2] or (of_joint.si if self.kind == "joint" else of_joint.torque)
+        return kinds_of("sensor")[self.kind][2] or (of_joint.si if self.kind == "joint" else of_joint.torque)
 
 
 def column_names(sensors: Sequence[Sensor], arm: Arm) -> tuple[str, ...]:

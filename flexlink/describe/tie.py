@@ -9,6 +9,7 @@ from flexlink.common.errors import ArgumentError, Diagnostic, SceneError
 from flexlink.common.wording import both_given, missing, truncated
 from flexlink.describe.arm import Arm
 from flexlink.describe.directions import unit
+from flexlink.describe.expected import kinds_of
 from flexlink.describe.joint import Limits
 from flexlink.describe.numbers import require_increasing
 from flexlink.describe.sensor import Sensor, beyond_beam
@@ -16,17 +17,6 @@ from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, link_ke
 
 SPRING, RANGE = ("stiffness", "damping"), ("play", "only", "dissipation")
 MOVES, OIL = ("length", "times", "lengths"), ("bore", "stroke", "bulk_modulus")
-KINDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "point": ((), ("to.axis", *SPRING, *RANGE)),
-    "hinge": (("axis",), ("to.axis",)),
-    "weld": ((), ("to.rpy_deg",)),
-    "slider": (("to.axis",), SPRING),
-    "distance": ((), (*MOVES, *SPRING, *RANGE)),
-    "cylinder": (OIL, (*MOVES, "damping", "rod", "dead_volume", "pressures")),
-    "joint": ((), ("ratio", *SPRING, "play", "dissipation")),
-    "stop": (("stiffness",), ("dissipation",)),
-}
-"""Required and optional keys of each kind, besides `link` and its point."""
 
 
 class TieEnd(Spec, frozen=True):
@@ -135,7 +125,7 @@ class Tie(TieEnd, frozen=True, kw_only=True):
         super().__post_init__()
         if self.link is None:
             raise missing("link", "give the link of the tie")
-        needs, may = KINDS[self.kind]
+        needs, may, _ = kinds_of("tie")[self.kind]
         oil = (*OIL, "rod", "dead_volume", "pressures")
         for key in ("axis", "to.axis", "rpy_deg", "to.rpy_deg", "ratio", *MOVES, *oil, *SPRING, *RANGE):
             value = operator.attrgetter(key)(self)

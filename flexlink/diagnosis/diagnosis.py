@@ -24,8 +24,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, Diagnostic, EngineError, SingularMassError
 from flexlink.common.types import Array, Indices
 from flexlink.describe.scene import Scene
-from flexlink.diagnosis.differences import Finding, differences
-from flexlink.diagnosis.matching import Match
+from flexlink.diagnosis.differences import Finding, Match, differences
 from flexlink.diagnosis.mistakes import table
 from flexlink.diagnosis.native import NativeEngine
 from flexlink.diagnosis.quantities import QUANTITIES, Difference, State, compare_engines

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from flexlink.common.products import cross
-from flexlink.common.types import Array, Indices
+from flexlink.common.types import Array, Indices, Mask
 from flexlink.diagnosis.patterns import TOLERANCE
 from flexlink.engines.read_back import ReadBack
 
@@ -144,7 +143,7 @@ def reach(read: ReadBack) -> float:
     return float(max(np.abs(read.points).max(), np.abs(read.centers).max(), np.finfo(float).tiny))
 
 
-def turning(read: ReadBack) -> NDArray[np.bool_]:
+def turning(read: ReadBack) -> Mask:
     """Whether each body rotates; inertias of other bodies have no effect."""
     turns = np.append(~read.slides, False)
     for k, before in enumerate(read.parents):

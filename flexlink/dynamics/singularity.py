@@ -2,11 +2,10 @@
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, FlexlinkError, SingularMassError
-from flexlink.common.types import Array
+from flexlink.common.types import Array, Indices
 from flexlink.dynamics.free_motion import first_joints, restricted
 from flexlink.dynamics.rounding import EPS
 from flexlink.dynamics.terms import mass_matrix
@@ -49,7 +48,7 @@ def idle_joint(chain: Chain, q: Array) -> int:
     return int(free[np.flatnonzero(share > share.max() / 2)[-1]])
 
 
-def factored_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> tuple[Array, Array]:
+def factored_mass(chain: Chain, q: Array, free: Indices) -> tuple[Array, Array]:
     """Return M of the free coordinates and L of M = L Lᵀ; refuses a coordinate without inertia.
 
     A Cholesky pivot, the square of a diagonal entry of L, is the inertia of a coordinate if the previous ones move

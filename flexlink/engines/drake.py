@@ -34,7 +34,6 @@ from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines import base
 from flexlink.engines import read_back as records
 from flexlink.engines.coordinates import BASE_JOINTS, Coordinates, Floating
-from flexlink.engines.other_program import OtherProgram, cannot_load, excess_of, refuse_in_files
 from flexlink.engines.read_back import COUPLED_FIELDS, ReadBack
 from flexlink.formats.document import loaded_tip, tips
 from flexlink.formats.sdf import read_sdf, sdf_names, to_sdf
@@ -42,7 +41,7 @@ from flexlink.formats.sdf import read_sdf, sdf_names, to_sdf
 OWN = "{urn:flexlink}"
 
 
-class DrakeEngine(OtherProgram):
+class DrakeEngine(base.OtherProgram):
     """A chain in Drake: its `plant` and `context`, with the numbers of flexlink's custom elements as in `ReadBack`."""
 
     name, title = "drake", "Drake"
@@ -56,18 +55,18 @@ class DrakeEngine(OtherProgram):
             self._parse(exported, names[: chain.n], names[2 * chain.n + frame])
         except RuntimeError as error:
             reason = " ".join(str(error).split())  # on one line
-            raise cannot_load("Drake", repr(chain.name), f"{reason}; use another engine") from error
-        self.excess = excess_of(chain, lambda: read_sdf(exported))
+            raise base.cannot_load("Drake", repr(chain.name), f"{reason}; use another engine") from error
+        self.excess = base.excess_of(chain, lambda: read_sdf(exported))
 
     @classmethod
     def from_file(cls, file: base.ForeignFile) -> Self:
         """Load a foreign SDF file."""
         engine, text = cls.__new__(cls), file.path.read_text(encoding="utf-8")
-        refuse_in_files(cls.title, file.path)
+        base.refuse_in_files(cls.title, file.path)
         try:
             engine._parse(text, reference=file.base)
         except (RuntimeError, ValueError) as error:
-            raise cannot_load("Drake", "the file", error) from error
+            raise base.cannot_load("Drake", "the file", error) from error
         return engine
 
     def _parse(self, text: str, names: Sequence[str] = (), tip: str = "", reference: Array | None = None) -> None:

@@ -31,7 +31,6 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.floating_base import ANGLES
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines import base
-from flexlink.engines.other_program import OtherProgram, excess_of
 from flexlink.engines.read_back import ReadBack, of_chain, to_matrices
 from flexlink.formats import read_urdf, to_urdf
 from flexlink.formats.document import loaded_tip, places
@@ -40,7 +39,7 @@ METHODS = {"RK2": exu.DynamicSolverType.ExplicitMidpoint, "RK4": exu.DynamicSolv
 UserFunction = Callable[..., Array]
 
 
-class ExudynEngine(OtherProgram):
+class ExudynEngine(base.OtherProgram):
     """A chain in Exudyn; `read` is the chain read from the exported file."""
 
     name, title = "exudyn", "Exudyn"
@@ -48,7 +47,7 @@ class ExudynEngine(OtherProgram):
 
     def __init__(self, chain: Chain) -> None:
         self.read = read_urdf(to_urdf(chain, shapes=False))
-        self.excess = excess_of(chain, lambda: self.read)
+        self.excess = base.excess_of(chain, lambda: self.read)
         self.n, hinges = self.read.n, self.read.hinges
         self.coulomb, self.coulomb_width = hinges["coulomb"], hinges["coulomb_width"]
         self._whole = _System(self.read)

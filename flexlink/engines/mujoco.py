@@ -24,7 +24,6 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.tie import refuse_ties
 from flexlink.engines import base, mujoco_reader, mujoco_tendons
-from flexlink.engines.other_program import OtherProgram, cannot_load, excess_of, refuse_in_files
 from flexlink.engines.read_back import COUPLED_FIELDS, ReadBack
 from flexlink.formats import to_mjcf
 from flexlink.formats.document import loaded_tip, xml_joint_names
@@ -34,7 +33,7 @@ Callback = Callable[[Any, Any], None] | None
 _callback_lock = threading.Lock()  # MuJoCo has one set of callbacks per process
 
 
-class MujocoEngine(OtherProgram):
+class MujocoEngine(base.OtherProgram):
     """A chain in MuJoCo; `couplings` are taken from the scene if a foreign file cannot specify them."""
 
     name, title = "mujoco", "MuJoCo"
@@ -48,9 +47,9 @@ class MujocoEngine(OtherProgram):
             with quiet():
                 model = mujoco.MjModel.from_xml_string(to_mjcf(chain, shapes=False, timestep=step, ties=ties))
         except ValueError as error:
-            raise cannot_load("MuJoCo", repr(chain.name), f"{error}; use another engine") from error
+            raise base.cannot_load("MuJoCo", repr(chain.name), f"{error}; use another engine") from error
         self._use(model, mujoco_reader.read(model), xml_joint_names(chain), loaded_tip(chain).name)
-        self.excess = excess_of(chain, lambda: self._with_springs(chain))
+        self.excess = base.excess_of(chain, lambda: self._with_springs(chain))
 
     def _with_springs(self, chain: Chain) -> Chain:
         """Return the chain with the spring constants that MuJoCo has read."""
@@ -62,13 +61,13 @@ class MujocoEngine(OtherProgram):
     @classmethod
     def from_file(cls, file: base.ForeignFile) -> Self:
         """Load a foreign MJCF or URDF file and the files that it includes."""
-        refuse_in_files(cls.title, file.path)
+        base.refuse_in_files(cls.title, file.path)
         try:
             with quiet(), warnings.catch_warnings(action="ignore"):  # ignore deprecated attributes
                 spec = mujoco.MjSpec.from_file(str(file.path))
                 model = spec.compile()
         except (ValueError, RuntimeError, mujoco.FatalError) as error:
-            raise cannot_load("MuJoCo", "the file", error) from error
+            raise base.cannot_load("MuJoCo", "the file", error) from error
         engine = cls.__new__(cls)
         record = mujoco_reader.read(model, spec, file.base)
         if file.format == "urdf":

@@ -32,10 +32,9 @@ from flexlink.common.types import Array, Indices
 from flexlink.describe.arm import BASE
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.ties import Rows, tie_rows
+from flexlink.engines import base
 from flexlink.engines import read_back as records
-from flexlink.engines.base import ForeignFile, Samples, Tied, fixed_steps_problem
 from flexlink.engines.coordinates import BASE_JOINTS, Coordinates, Floating
-from flexlink.engines.other_program import OtherProgram, cannot_load, excess_of, refuse_in_files
 from flexlink.engines.read_back import COUPLED_FIELDS, Parts, ReadBack
 from flexlink.formats.document import body_names, loaded_tip, xml_joint_names
 from flexlink.formats.urdf import LIMIT, read_urdf, to_urdf
@@ -43,7 +42,7 @@ from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.stepping.tie_rows import KIND
 
 
-class PinocchioEngine(OtherProgram):
+class PinocchioEngine(base.OtherProgram):
     """A chain in Pinocchio: its `model` and `data`, with the numbers of flexlink's custom elements as in `ReadBack`."""
 
     name, title = "pinocchio", "Pinocchio"
@@ -52,7 +51,7 @@ class PinocchioEngine(OtherProgram):
     def __init__(self, chain: Chain, ties: Scene | None = None) -> None:
         exported = to_urdf(chain, shapes=False)
         self._parse(exported, xml_joint_names(chain), loaded_tip(chain).name)
-        self.excess = excess_of(chain, lambda: read_urdf(exported))
+        self.excess = base.excess_of(chain, lambda: read_urdf(exported))
         self.held, self._free = np.flatnonzero(chain.held), np.flatnonzero(~chain.held)
         self.has_ties, rows = ties is not None, tie_rows(ties, chain)
         if rows is not None:
@@ -67,34 +66,34 @@ class PinocchioEngine(OtherProgram):
         return on.parentJoint, on.placement * pin.SE3(np.eye(3), row[f"point_{end}"])
 
     @classmethod
-    def from_file(cls, file: ForeignFile) -> Self:
+    def from_file(cls, file: base.ForeignFile) -> Self:
         """Load a foreign URDF file; continuous joints become revolute joints with wide limits."""
-        refuse_in_files(cls.title, file.path)
+        base.refuse_in_files(cls.title, file.path)
         robot = ET.parse(file.path).getroot()
         for joint in robot.findall("joint[@type='continuous']"):
             joint.set("type", "revolute")
             ET.SubElement(joint, "limit", LIMIT)
         engine = cls.__new__(cls)
         try:
-            engine._parse(ET.tostring(robot, encoding="unicode"), base=file.base)
+            engine._parse(ET.tostring(robot, encoding="unicode"), reference=file.base)
         except (ValueError, RuntimeError) as error:
-            raise cannot_load("Pinocchio", "the file", error) from error
+            raise base.cannot_load("Pinocchio", "the file", error) from error
         engine.held, engine._free = np.zeros(0, dtype=np.intp), np.arange(engine.n)
         return engine
 
-    def _parse(self, text: str, names: Sequence[str] = (), tip: str = "", base: Array | None = None) -> None:
+    def _parse(self, text: str, names: Sequence[str] = (), tip: str = "", reference: Array | None = None) -> None:
         """Load a document with joints in the order of `names`, by default in the model's order.
 
-        The base floats if `base` is given or the document specifies its rotation.
+        The base floats if `reference`, its rotation, is given or the document specifies it.
         """
         not_in_urdf = ("stiffness", "rest", "coulomb_width", "armature")  # attributes of flexlink's custom elements
         floating = Floating(velocity_in_base=True, spin_in_base=True, turn_first=False, scalar_first=False)
         robot = ET.fromstring(text)
         own_element = robot.find("flexlink")
         rotation = "" if own_element is None else own_element.get(BASE, "")
-        if base is None and rotation:
-            base = np.reshape([float(x) for x in rotation.split()], (3, 3))
-        floats = () if base is None else (pin.JointModelFreeFlyer(),)
+        if reference is None and rotation:
+            reference = np.reshape([float(x) for x in rotation.split()], (3, 3))
+        floats = () if reference is None else (pin.JointModelFreeFlyer(),)
         self.model = model = pin.buildModelFromXML(text, *floats)
         degrees = degrees_of_freedom(model)
         if model.nv > 600:  # pinocchio.Data allocates four n³ arrays for second derivatives: 7 GB
@@ -104,7 +103,7 @@ class PinocchioEngine(OtherProgram):
         self.data, self.n = pin.Data(model), model.nv  # `createData` would copy the model
         self.names = tuple(names or degrees)
         order = np.array([degrees[name] for name in self.names])
-        self.coordinates = Coordinates(order, base, floating)
+        self.coordinates = Coordinates(order, reference, floating)
         own = {joint.get("name"): joint.find("flexlink") for joint in robot.findall("joint")}
         elements = [own.get(name) for name in self.names]
         self.stiffness, self.rest, self.coulomb_width, armature = (
@@ -170,9 +169,9 @@ class PinocchioEngine(OtherProgram):
         """Return q̈ from the articulated-body algorithm (`aba`); joints with a given motion keep their rates."""
         return self.accelerations(q, qd, tau, tip_wrench, follows=False, held=np.zeros(self.n))
 
-    def integrate(self, scene: Scene) -> Samples:
+    def integrate(self, scene: Scene) -> base.Samples:
         """Run the scene's Runge-Kutta method as a plain loop over `aba`."""
-        return self.run_in_steps(fixed_steps_problem(scene, tied=self.has_ties))
+        return self.run_in_steps(base.fixed_steps_problem(scene, tied=self.has_ties))
 
     def accelerations(
         self, q: Array, qd: Array, tau: Array, wrench: Array | None, *, follows: bool, held: Array
@@ -189,7 +188,7 @@ class PinocchioEngine(OtherProgram):
         qdd[f] = np.linalg.solve(M[np.ix_(f, f)], rhs[f])
         return qdd
 
-    def _tied(self, t: float, q: Array, qd: Array, qdd: Array) -> Tied:
+    def _tied(self, t: float, q: Array, qd: Array, qdd: Array) -> base.Tied:
         rows, theirs, M, l = self.rows, self.coordinates, self.mass_matrix(q), np.zeros((3, len(self.rows)))
         drift, v = theirs.drift(q, qd), theirs.rates(q, qd)
         pin.forwardKinematics(self.model, self.data, theirs.position(q), v, 0 * v if drift is None else drift)

@@ -17,12 +17,10 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import Kind
 from flexlink.common.errors import ArgumentError
 from flexlink.common.products import cross
-from flexlink.common.types import Array
+from flexlink.common.types import Array, Indices
 from flexlink.dynamics.placement import frames
 from flexlink.formats.document import loaded_tip, tips
 from flexlink.kernels.layout import BODY, COUPLING, SLIDES
-
-Indices = NDArray[np.intp]
 
 AXIS_FIELDS = ("axes", "points")
 BODY_FIELDS = ("masses", "centers", "inertias")

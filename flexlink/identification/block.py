@@ -13,10 +13,9 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
-from flexlink.common.types import Array
+from flexlink.common.types import Array, Mask
 
 SHARE = 12  # smallest number of samples per AR coefficient
 
@@ -111,7 +110,7 @@ def unlikelihood(e: Array, times: float = 1.0) -> float:
 FAR = 6.0  # distance of an outlier from the median, in standard deviations estimated by the median absolute deviation
 
 
-def outlying(e: Array) -> npt.NDArray[np.bool_]:
+def outlying(e: Array) -> Mask:
     """Whether each residual is an outlier; none is if most residuals are equal."""
     off = np.abs(e - np.median(e))
     return np.asarray((off > FAR * 1.4826 * np.median(off)) & (np.median(off) > 0))
@@ -147,7 +146,7 @@ class Block:
     bias: bool = False
     drift: bool = False
     # outliers, whose residual counts as zero, shape (n,); None if all samples are used
-    left_out: npt.NDArray[np.bool_] | None = None
+    left_out: Mask | None = None
 
     @property
     def used(self) -> Array:
@@ -235,12 +234,12 @@ def white_noise(y: Array, fewest: int = FEWEST) -> float | None:
     return σ if 0 < max(sizes) < equal * min(sizes) and σ > least * float(np.ptp(y)) else None
 
 
-def outliers_in(t: Array, y: Array, predicted: Array) -> npt.NDArray[np.bool_]:
+def outliers_in(t: Array, y: Array, predicted: Array) -> Mask:
     """Whether each sample at times t, (n,), is far from its neighbours, none across a gap, in data and residual."""
     return np.concatenate([_spikes(y[part]) & _spikes((y - predicted)[part]) for part in even_parts(t, GAP)])
 
 
-def _spikes(y: Array) -> npt.NDArray[np.bool_]:
+def _spikes(y: Array) -> Mask:
     """Whether each sample is far from the cubic through 4 neighbours; the farthest are corrected first, round by round.
 
     Distances are compared with the median distance nearby, and in the whole column.

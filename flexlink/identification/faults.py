@@ -9,22 +9,30 @@ cause before others if it explains as much, each by a t-test with Bonferroni's l
 residuals that remain with all faults, so that a fault does not pass for noise.
 """
 
+import dataclasses
+import functools
 import itertools
 from collections.abc import Callable, Iterator, Sequence
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
 from flexlink.common.errors import Diagnostic, FlexlinkError
-from flexlink.common.types import Array
+from flexlink.common.types import Array, Mask
 from flexlink.data.csv_table import head_of
+from flexlink.data.documents import read_toml
+from flexlink.describe.link import Link
+from flexlink.describe.material import BREADTHS
+from flexlink.describe.scene import Scene
+from flexlink.describe.writing import without_defaults
 from flexlink.identification.block import FAR, Colour, colour_of, outlying
-from flexlink.identification.causes import Cause, causes
-from flexlink.identification.coordinates import Timing, guess_of, timing_of
+from flexlink.identification.coordinates import Coordinate, Timing, coordinate_of, guess_of, timing_of
+from flexlink.identification.data import Source
 from flexlink.identification.likelihood import Likelihood, likelihood, white
-from flexlink.identification.signals import Signals
+from flexlink.identification.problem import FitParameter
+from flexlink.identification.signals import STEP, Signals
 from flexlink.identification.solve import Found, Search
 
 LEVEL = 0.001
@@ -37,6 +45,16 @@ With AR models from the same samples it is several times larger: with a level of
 AS_MUCH = 0.95
 """Smallest part of what the best explanation explains, with which a physical cause explains as much."""
 TRIED = 6  # number of physical causes with which the fit is repeated
+
+
+class Cause(NamedTuple):
+    """One more unknown of the model: of the scene, or of the times of a run."""
+
+    name: str  # in messages; "" for times
+    unknown: Coordinate
+    sources: Sequence[Source]  # the measurements, with scenes that contain the unknown
+    tried: tuple[float, ...]  # values to try
+    stated: bool = True  # whether the scene states a value, with which a search begins
 
 
 class Fault(NamedTuple):
@@ -300,7 +318,7 @@ def _scaled(colour: Colour) -> Callable[[Array], Array]:
     return lambda X: colour.whitened(X) / size
 
 
-def _selected(e: Array, J: Array, S: Array, most: int, physical: npt.NDArray[np.bool_]) -> list[int]:
+def _selected(e: Array, J: Array, S: Array, most: int, physical: Mask) -> list[int]:
     """Numbers of the significant faults, by forward selection, physical ones first if they explain as much."""
     basis, chosen = np.linalg.qr(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300))[0], list[int]()
     size = np.linalg.norm(S, axis=0)
@@ -317,3 +335,52 @@ def _selected(e: Array, J: Array, S: Array, most: int, physical: npt.NDArray[np.
         chosen.append(best)
         basis = np.column_stack([basis, left[:, best] / length[best]])
     return chosen
+
+
+# Physical causes of what a model leaves unexplained: each is one more unknown of the scene, a row of `causes.toml`.
+
+
+def causes(signals: Signals, x: Array) -> Iterator[Cause]:
+    """Physical causes that apply to the scenes at a point and that the problem neither estimates nor sets per run."""
+    scenes, seen = [signals.scene(k, at) for at in (x, x + STEP) for k in range(len(signals.sources))], set[str]()
+    for row, link in itertools.product(_rows(), scenes[0].arm.links):
+        if {"joint": not link.joint.locked, "beam": link.flex != "rigid", "arm": True}[row["of"]]:
+            try:
+                one = _cause(row, link, scenes, signals.sources)
+            except FlexlinkError:  # the path does not exist on this arm
+                continue
+            if one is not None and one.unknown.path not in seen:
+                seen.add(one.unknown.path)
+                yield one
+
+
+def _cause(row: dict[str, Any], link: Link, scenes: Sequence[Scene], sources: Sequence[Source]) -> Cause | None:
+    """A cause on a link; None if the link lacks what it changes, or if the scenes differ in its value."""
+    arm, added, taper = scenes[0].arm, dict[str, Any](), f"{link.section}_tip"
+    section = arm.sections.get(link.section or "")
+    on = {"link": arm.path(arm.number(link.name)), "material": link.material}
+    if "{taper}" in row["path"]:
+        if section is None or section.shape not in BREADTHS or link.section_tip is not None:
+            return None
+        added = {f"section.{taper}": without_defaults(section), f"{on['link']}.section_tip": taper}
+        on["taper"] = f"{taper}.{BREADTHS[section.shape][1]}"
+    path, lengthens = row["path"].format(**on), row["path"].endswith(".length")
+
+    def prepared(scene: Scene) -> Scene:
+        at_end = [one for one in scene.sensor if one.x == link.length and arm.number(one.link) == arm.number(link.name)]
+        moved = {f'sensor."{one.name}".x': None for one in at_end if lengthens}  # sensors at the end remain there
+        return scene.varied(added | moved) if added or moved else scene
+
+    whole = [prepared(scene) for scene in scenes]
+    now, *others = {scene.values_at(path)[0] for scene in whole}
+    tried = tuple(by * now for by in row.get("factors", (0.8, 1.25))) if now else tuple(row.get("tried", ()))
+    if others or not tried:
+        return None
+    unknown = coordinate_of(whole[0], FitParameter(path=path, start=now or tried[0], scale="log"))
+    own = [dataclasses.replace(one, scene=prepared(one.scene)) for one in sources]
+    return Cause(row["name"].format(link=link.name, material=link.material), unknown, own, tried, bool(now))
+
+
+@functools.cache
+def _rows() -> list[dict[str, Any]]:
+    return list(read_toml(Path(__file__).parent / "causes.toml")["cause"])

@@ -14,12 +14,11 @@ from flexlink.common.types import Array
 from flexlink.describe.variants import refined, segments_in_words
 from flexlink.identification import systematic
 from flexlink.identification.block import Block, with_noise_of_data
-from flexlink.identification.columns import columns_of
+from flexlink.identification.columns import columns_of, warnings_of_floors, with_floors
 from flexlink.identification.coordinates import Coordinate, coordinates_of, guess_of
 from flexlink.identification.data import sources_of
 from flexlink.identification.faults import mixups, warnings_of_faults
 from flexlink.identification.fitted import Estimate, Fitted
-from flexlink.identification.floor import warnings_of_floors, with_floors
 from flexlink.identification.identifiability import Check, checked
 from flexlink.identification.interval import Rise, estimates, profiled, spread_at, widened, without_ends
 from flexlink.identification.likelihood import in_two_steps, information_of, likelihood

@@ -14,10 +14,9 @@ import time
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
-from flexlink.common.types import Array
+from flexlink.common.types import Array, Indices
 from flexlink.data.documents import read_toml
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.spec import NonNegative, Spec, decode
@@ -76,7 +75,7 @@ def listed(place: str, has: str, kind: str) -> list[list[float]]:
     return [found[name].parts if name in found else [0.0] * 9 for name in OPERATIONS]
 
 
-def bodies_of(chain: Chain) -> NDArray[np.intp]:
+def bodies_of(chain: Chain) -> Indices:
     """Numbers of bodies of a chain with 0, 1, 2 and 3 hinges; the tip frame is not counted."""
     return np.bincount(np.minimum(chain.bodies["stop"] - chain.bodies["first"], 3)[:-1], minlength=4)
 

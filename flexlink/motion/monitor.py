@@ -7,10 +7,9 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.errors import Diagnostic
-from flexlink.common.types import Array
+from flexlink.common.types import Array, Indices, Mask
 from flexlink.describe.run_settings import AUTO, RunSettings
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics import rounding
@@ -330,7 +329,7 @@ class Monitor:
         return bool(unbalanced > least or excused > least / Thresholds.doubt)
 
     @property
-    def at_limit(self) -> NDArray[np.bool_]:
+    def at_limit(self) -> Mask:
         """Whether each driven joint's torque is at its limit, shape (valid samples, d); (1, 1) without limits."""
         drive = self.record.inputs.drive
         if min(drive.effort.tolist(), default=np.inf) == np.inf:
@@ -348,7 +347,7 @@ class Monitor:
 # The functions that sum over all steps also accept several runs side by side, along a first axis.
 
 
-def step_errors(record: Record, probed: NDArray[np.intp]) -> Array:
+def step_errors(record: Record, probed: Indices) -> Array:
     """Distance between the tips after one step h and after two steps h/2 [m], from the `probed` samples of a run."""
     samples, found = (record.q, record.qd), [np.empty(0)]
     for part in record.parts(int(probed[0]), int(probed[-1]) + 1) if len(probed) else ():
@@ -358,7 +357,7 @@ def step_errors(record: Record, probed: NDArray[np.intp]) -> Array:
 
 
 def step_errors_side_by_side(
-    records: Sequence[Record], scratch: Any, inputs: Inputs, samples: tuple[Array, Array], probed: NDArray[np.intp]
+    records: Sequence[Record], scratch: Any, inputs: Inputs, samples: tuple[Array, Array], probed: Indices
 ) -> Array:
     """`step_errors` (runs, probed) of up to eight runs side by side, from their samples (rows, n, 8) and scratch."""
     one, two = _ends(records[0], scratch, inputs, samples, probed)
@@ -385,7 +384,7 @@ def rounded_away(run: RunSettings, q: Array, qd: Array, size: Array) -> Array:
 
 
 def _ends(
-    record: Record, scratch: Any, inputs: Inputs, samples: tuple[Array, Array], probed: NDArray[np.intp]
+    record: Record, scratch: Any, inputs: Inputs, samples: tuple[Array, Array], probed: Indices
 ) -> tuple[Array, Array]:
     """Angles (probed, n), or (probed, n, 8), after one step h and after two steps h/2."""
     run = record.run

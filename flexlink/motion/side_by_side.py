@@ -5,13 +5,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import Diagnostic
 from flexlink.common.interruption import Stop
 from flexlink.common.memo import Kept
-from flexlink.common.types import Array
+from flexlink.common.types import Array, Mask
 from flexlink.describe.numbers import multiples
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.dynamics.conserved import Energy
@@ -174,7 +173,7 @@ class Block:
             return InterruptedRunError(monitor.trajectory(), stop.signal)
         return monitor.trajectory()
 
-    def _calm(self) -> NDArray[np.bool_]:
+    def _calm(self) -> Mask:
         """Whether each member is certainly valid, and needs no warning and no verification run."""
         # fraction of a limit above which a member is checked individually, since results computed side by side may
         # differ in the last digits
@@ -184,7 +183,7 @@ class Block:
         sizes = np.array([record.chain.size for record in self.records])
         off = np.maximum(summed(self.run, self.errors, sizes), rounded_away(self.run, q, qd, sizes))
         extent = np.linalg.norm(np.ptp(tip, axis=1), axis=1)
-        small: NDArray[np.bool_] = off <= nearly * Thresholds.doubt * Thresholds.tip_share * extent
+        small: Mask = off <= nearly * Thresholds.doubt * Thresholds.tip_share * extent
         return np.array(calm, bool) & small
 
 

@@ -10,12 +10,11 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.arguments import integer
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, Diagnostic
-from flexlink.common.types import Array
+from flexlink.common.types import Array, Indices
 from flexlink.common.wording import did_you_mean, plural, short_list
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
@@ -419,7 +418,7 @@ def _of(place: str, k: int | None = None) -> Source:
     return (lambda run: np.asarray(get(run))) if k is None else (lambda run: np.asarray(get(run)[:, k]))
 
 
-def picked(run: RunSamples, rows: NDArray[np.intp]) -> RunSamples:
+def picked(run: RunSamples, rows: Indices) -> RunSamples:
     """The run with only these samples, without its work."""
     parts = {name: getattr(run, name)[rows] for name in ("t", "q", "qd", "drive_torques", "tip", "tip_wrench")}
     return dataclasses.replace(run, **parts, energy=Energy(*run.energy.parts[:, rows]), work=None, stated=None)

@@ -16,7 +16,7 @@ from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.floating_base import FloatingBase
 from flexlink.dynamics.vibration import stability
 from flexlink.dynamics.vibration.stability_function import stable_reach
-from flexlink.motion import step_settings
+from flexlink.motion import method_steps
 from flexlink.motion.inputs.actuation import acting_at
 from flexlink.motion.inputs.problem import problem_of
 from tests.conftest import flexible, make_scene
@@ -97,16 +97,16 @@ def test_the_stable_step_does_not_matter_if_samples_limit_the_step(damping: floa
         {"material.aluminium": material, "run": fl.RunSettings(method="DOP853", tolerance=1e-5, duration=0.2)}
     )
     looked: list[bool] = []
-    matters = step_settings._matters
+    matters = method_steps._matters
 
     def counted(*given: object) -> bool:
         looked.append(matters(*given))  # type: ignore[arg-type]
         return looked[-1]
 
-    monkeypatch.setattr(step_settings, "_matters", counted)
+    monkeypatch.setattr(method_steps, "_matters", counted)
     quick = fl.simulate(scene.varied({"name": "quick"}))
     assert looked
-    monkeypatch.setattr(step_settings, "_matters", lambda *_: True)
+    monkeypatch.setattr(method_steps, "_matters", lambda *_: True)
     slow = fl.simulate(scene.varied({"name": "slow"}))
     assert quick.q.tobytes() == slow.q.tobytes()
     assert quick.steps == slow.steps

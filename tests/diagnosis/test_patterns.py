@@ -10,8 +10,7 @@ import pytest
 import flexlink as fl
 from flexlink.diagnosis import patterns
 from flexlink.diagnosis.diagnosis import _missing
-from flexlink.diagnosis.differences import _differing, differences
-from flexlink.diagnosis.matching import Match
+from flexlink.diagnosis.differences import Match, _differing, differences
 from flexlink.diagnosis.patterns import Discrepancy
 from flexlink.engines.read_back import ReadBack, of_chain
 from tests.conftest import flexible, make_scene

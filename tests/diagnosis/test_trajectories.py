@@ -39,8 +39,8 @@ def test_a_scene_with_a_wrench_has_the_same_run_in_every_engine(engines, capsys)
 
 
 def test_a_missing_wrench_in_an_engine_is_reported_with_joint_and_time(engines, monkeypatch, capsys) -> None:
-    lacking = SimpleNamespace(**{**vars(base), "wrench_function": lambda _: None})
-    monkeypatch.setattr("flexlink.engines.other_program.base", lacking)
+    monkeypatch.setattr("flexlink.engines.mujoco.base", SimpleNamespace(**vars(base)))  # the other engine has it
+    monkeypatch.setattr(base, "wrench_function", lambda _: None)
     found = fl.compare_trajectories(fl.load_scene(SPATIAL), engines=engines, duration=0.02)
     wrong, right = found.rows
     assert not found.passed

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import flexlink as fl
 from flexlink.common.products import cross, dot, product
 from flexlink.dynamics import rounding
-from flexlink.formats.principal import principal_axes
+from flexlink.formats.mjcf import principal_axes
 from tests.conftest import MODELS, ROOT
 from tests.machines.run import FILE, Machine, environment, missing
 

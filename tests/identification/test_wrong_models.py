@@ -10,10 +10,10 @@ from scipy.signal import lfilter
 import flexlink as fl
 from flexlink.common.errors import Diagnostic
 from flexlink.identification.block import Block
-from flexlink.identification.causes import causes
+from flexlink.identification.columns import Floor, excess, floor_of, warnings_of_floors
 from flexlink.identification.coordinates import coordinates_of, guess_of
 from flexlink.identification.data import sources_of
-from flexlink.identification.floor import Floor, excess, floor_of, warnings_of_floors
+from flexlink.identification.faults import causes
 from flexlink.identification.signals import Signals
 from tests.campaigns.random_fits import drawn, problem_of, record, scene_of
 from tests.identification.test_page import column

@@ -10,15 +10,7 @@ from flexlink.common.errors import Diagnostic
 from flexlink.common.memo import keep_last
 from flexlink.data.documents import paths_of
 from flexlink.describe.material import BREADTHS
-from flexlink.describe.plausibility import loads
-from flexlink.describe.plausibility.sizes import (
-    hint_if_outside,
-    largest_dimension,
-    of_materials,
-    of_sections,
-    ranges,
-    shown,
-)
+from flexlink.describe.plausibility import loads, sizes
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
 
@@ -38,8 +30,8 @@ def hints(scene: Scene) -> tuple[Diagnostic, ...]:
 
 def _hints(scene: Scene) -> Iterator[Diagnostic]:
     arm, about, g = scene.arm, loads.situation_of(scene), math.hypot(*scene.gravity)
-    causes = [*of_materials(arm), *of_sections(arm)]
-    causes += hint_if_outside("gravity", scene.gravity, "gravity_of_one" if g == 1.0 else "gravity", g)
+    causes = [*sizes.of_materials(arm), *sizes.of_sections(arm)]
+    causes += sizes.hint_if_outside("gravity", scene.gravity, "gravity_of_one" if g == 1.0 else "gravity", g)
     causes += [*loads.of_places(scene, about), *loads.of_masses(scene, about)]
     yield from causes
     yield from of_numbers(scene)
@@ -55,11 +47,11 @@ def of_numbers(scene: Scene) -> Iterator[Diagnostic]:
     """Hints on numbers that are implausible by themselves, at the `paths` of their quantity."""
     document = scene.document()
     named = {key: {part["name"]: part for part in document[key]} for key in ("link", "tie", "sensor")}
-    patterns = {pattern: name for name, known in ranges().items() for pattern in known.paths}
+    patterns = {pattern: name for name, known in sizes.ranges().items() for pattern in known.paths}
     for path, value in paths_of(document | named):
         for pattern, name in patterns.items():
             if fnmatch.fnmatchcase(path, pattern) and np.any(value):
-                yield from hint_if_outside(path, value, name, float(np.abs(value).max()))
+                yield from sizes.hint_if_outside(path, value, name, float(np.abs(value).max()))
 
 
 def of_sensors(scene: Scene) -> Iterator[Diagnostic]:
@@ -68,17 +60,17 @@ def of_sensors(scene: Scene) -> Iterator[Diagnostic]:
     for sensor in scene.sensor:
         path = f"sensor.{sensor.name}"
         if sensor.rate is not None and sensor.rate * scene.run.duration < 1:
-            yield from hint_if_outside(f"{path}.rate", sensor.rate, "rate", sensor.rate)
+            yield from sizes.hint_if_outside(f"{path}.rate", sensor.rate, "rate", sensor.rate)
         if sensor.resolution is not None and column_names((sensor,), arm) == (f"{sensor.name} [rad]",):
-            yield from hint_if_outside(f"{path}.resolution", sensor.resolution, "resolution", sensor.resolution)
+            yield from sizes.hint_if_outside(f"{path}.resolution", sensor.resolution, "resolution", sensor.resolution)
         if sensor.fibre is None:
             continue
         section = arm.sections.get(arm.links[arm.number(sensor.link) - 1].section or "")
         if section is not None:
-            whole = largest_dimension(section)[1]
+            whole = sizes.largest_dimension(section)[1]
             sides = [getattr(section, key) for key in reversed(BREADTHS.get(section.shape, ()))] or [whole, whole]
             part = max(abs(place) / (side / 2) for place, side in zip(sensor.fibre, sides, strict=True))
-            yield from hint_if_outside(f"{path}.fibre", sensor.fibre, "fibre", part)
+            yield from sizes.hint_if_outside(f"{path}.fibre", sensor.fibre, "fibre", part)
 
 
 def of_angles(scene: Scene) -> Iterator[Diagnostic]:
@@ -96,7 +88,7 @@ def of_angles(scene: Scene) -> Iterator[Diagnostic]:
         if link.dh is not None:
             angles |= {f"{path}.dh.alpha_deg": (link.dh.alpha_deg,), f"{path}.dh.theta_deg": (link.dh.theta_deg,)}
         if max(map(abs, link.mount.rpy or (0.0,))) > 2 * math.pi + 1e-3:
-            turns = f"{path}.mount.rpy = {shown(link.mount.rpy or ())} rad: more than one turn"
+            turns = f"{path}.mount.rpy = {sizes.shown(link.mount.rpy or ())} rad: more than one turn"
             yield Diagnostic(f"{turns}; likely given in deg: use rpy_deg", "likely-degrees")
     yield from _of_turns(scene)
     for path, given in angles.items():
@@ -107,7 +99,7 @@ def of_angles(scene: Scene) -> Iterator[Diagnostic]:
         if nonzero and max(map(abs, nonzero)) <= 2 * math.pi + 0.01 and found:
             inner = ", ".join(f"{math.degrees(value):.4g}" for value in values)
             why = f"the digits match round angles in radians; likely given in rad: in degrees [{inner}]"
-            yield Diagnostic(f"{path} = {shown(values)} deg: {why}", "likely-radians")
+            yield Diagnostic(f"{path} = {sizes.shown(values)} deg: {why}", "likely-radians")
 
 
 def _of_turns(scene: Scene) -> Iterator[Diagnostic]:
@@ -141,8 +133,8 @@ def of_times(scene: Scene, about: loads.Situation) -> Iterator[Diagnostic]:
     tables |= {f"motion.{motion.link}": motion.times for motion in scene.motion}
     tables |= {} if reference is None else {"drive.reference": reference.times}
     for path, times in tables.items():
-        if times and run.duration > 0 and times[-1] > 10.0:
-            yield from hint_if_outside(f"{path}.times[{len(times) - 1}]", times[-1], "times", times[-1] / run.duration)
+        if times and run.duration > 0 and (last := times[-1]) > 10.0:
+            yield from sizes.hint_if_outside(f"{path}.times[{len(times) - 1}]", last, "times", last / run.duration)
     if run.tolerance is not None and about.reach > 0:
         part = run.tolerance / about.reach
-        yield from hint_if_outside("run.tolerance", run.tolerance, "tolerance", part, 1.0, f" {part:.2g}")
+        yield from sizes.hint_if_outside("run.tolerance", run.tolerance, "tolerance", part, 1.0, f" {part:.2g}")

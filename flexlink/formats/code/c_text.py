@@ -206,34 +206,10 @@ def operand(value: Real, names: dict[int, str]) -> str:
 
 
 def _test(model: Model, name: str) -> str:
-    rows = cases(model.chain)
-
-    def table(values: Iterable[Iterable[float]]) -> str:
-        return ",\n".join("    {" + ", ".join(repr(float(x)) for x in row) + "}" for row in values)
-
-    n, m, count = len(model.x), len(model.u), len(rows)
-    return f"""#ifdef {name.upper()}_TEST
-#include <stdio.h>
-static const double {name}_case_x[{count}][{n}] = {{\n{table(row.x for row in rows)}\n}};
-static const double {name}_case_u[{count}][{max(m, 1)}] = {{\n{table(row.u if m else [0.0] for row in rows)}\n}};
-static const double {name}_case_dx[{count}][{n}] = {{\n{table(row.rate for row in rows)}\n}};
-static const double {name}_case_tip[{count}][3] = {{\n{table(row.tip for row in rows)}\n}};
-int main(void)
-{{
-    double worst = 0.0, dx[{n}], tip[3];
-    for (int i = 0; i < {count}; i++) {{
-        double size = 1e-300, off = 0.0;
-        {name}_rate({name}_case_x[i], {name}_case_u[i], dx);
-        {name}_tip({name}_case_x[i], tip);
-        for (int k = 0; k < {n}; k++) {{
-            size = fmax(size, fabs({name}_case_dx[i][k]));
-            off = fmax(off, fabs(dx[k] - {name}_case_dx[i][k]));
-        }}
-        worst = fmax(worst, off / size);
-        for (int k = 0; k < 3; k++)
-            worst = fmax(worst, fabs(tip[k] - {name}_case_tip[i][k]) / {max(float(model.chain.size), 1e-300)!r});
-    }}
-    printf("largest relative difference from flexlink: %.2g\\n", worst);
-    return worst <= {ALLOWED!r} ? 0 : 1;
-}}
-#endif"""
+    rows, n, m = cases(model.chain), len(model.x), max(len(model.u), 1)
+    words = {"@count": f"{len(rows)}", "@n": f"{n}", "@m": f"{m}", "@allowed": repr(ALLOWED)}
+    words["@size"] = repr(max(float(model.chain.size), 1e-300))
+    for word, table in zip(("@x", "@u", "@dx", "@tip"), zip(*rows, strict=True), strict=True):
+        lines = (", ".join(repr(float(x)) for x in row) or "0.0" for row in table)  # 0.0: C has no empty arrays
+        words[word] = ",\n".join(f"    {{{line}}}" for line in lines)
+    return template("test.c", name, words)

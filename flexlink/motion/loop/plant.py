@@ -6,10 +6,9 @@ The arm is held at rest in its state, by torques that balance gravity, springs a
 import dataclasses
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
-from flexlink.common.types import Array, Complex
+from flexlink.common.types import Array, Complex, Indices
 from flexlink.dynamics.free_motion import coordinates_of
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.dynamics.tangent import load_torque
@@ -33,9 +32,9 @@ class Plant:
     chain: Chain
     t: float  # [s] and q (n,): about which the model is linearized
     q: Array
-    angles: NDArray[np.intp]  # coordinate of each of the first states, which are angles
+    angles: Indices  # coordinate of each of the first states, which are angles
     unit: Array  # factor of these angles, ω [1/s]
-    moving: NDArray[np.intp]  # numbers of the inputs among `chain.active`
+    moving: Indices  # numbers of the inputs among `chain.active`
     inputs: tuple[str, ...]  # names with units
     readings: tuple[str, ...]  # names of the sensor columns
     seen: Array  # values of the sensor columns about which they are linearized
