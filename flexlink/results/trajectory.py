@@ -348,7 +348,8 @@ class Trajectory(RunSamples):
 
     def animate(
         self, path: str | Path, *, magnify: float = 1.0, colour: Literal["moment", "strain"] = "moment",
-        fps: float = 25.0, speed: float = 1.0, width: int = 640, progress: Callable[[float], None] | None = None,
+        fps: float = 25.0, speed: float = 1.0, width: int = 640, meshes: str | Path | None = None,
+        progress: Callable[[float], None] | None = None,
     ) -> Path:  # fmt: skip
         """Draw the moving arm with its links as wide as their sections, gravity downwards, and the path of its tip.
 
@@ -371,6 +372,9 @@ class Trajectory(RunSamples):
             Seconds of the run per second of the film.
         width
             Width of the picture in pixels, 320 to 3840.
+        meshes
+            The robot's URDF or MJCF file, from which the scene was imported: its shapes are drawn, by MuJoCo's
+            renderer, and beams inside them; not for .html.
         progress
             Function called with the completed fraction, 0 to 1.
 
@@ -383,10 +387,12 @@ class Trajectory(RunSamples):
         ------
         ArgumentError
             An argument is not allowed, the film would have too many frames, or the run has no scene.
+        DataFileError
+            MuJoCo cannot load the file with the meshes.
         MissingDependencyError
-            matplotlib is not installed, or ffmpeg for .mp4.
+            matplotlib is not installed, ffmpeg for .mp4, or MuJoCo for meshes.
         EngineError
-            ffmpeg failed.
+            ffmpeg failed, or MuJoCo cannot draw.
         KeyboardInterrupt
             Ctrl-C or SIGTERM while drawing; nothing is written.
         OutputError
@@ -400,7 +406,7 @@ class Trajectory(RunSamples):
         move.html
         """
         room = importlib.import_module("flexlink.results.pictures.animate")
-        wanted = room.shot(path, magnify=magnify, colour=colour, fps=fps, speed=speed, width=width)
+        wanted = room.shot(path, magnify=magnify, colour=colour, fps=fps, speed=speed, width=width, meshes=meshes)
         drawn: Path = room.animate(self, wanted, progress)
         return drawn
 

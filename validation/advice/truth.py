@@ -127,10 +127,8 @@ def cheapest(scene: Scene, true: Truth, allowed: dict[float, float], axes: Axes)
                 continue
             outcome = runner.run(model, stepping, compared=True)
             if outcome.completed:
-                error = largest_distance(outcome.tip, true.tip)
-                best |= {
-                    tolerance: min(cost, outcome.seconds) for tolerance, cost in best.items() if error <= tolerance
-                }
+                least = max(largest_distance(outcome.tip, true.tip), stepping.tolerance or 0.0)
+                best |= {goal: min(cost, outcome.seconds) for goal, cost in best.items() if least <= goal}
     return best
 
 

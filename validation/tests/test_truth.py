@@ -129,7 +129,7 @@ def test_the_cheapest_model_equals_that_of_an_exhaustive_search(runs: type[Runs]
             aside = 0.3 * (way.tolerance or 1e-3 * (way.step or 0.0))
             off = np.linalg.norm(PATH * (h**-2 + 8 * h**-4) + np.outer([0, 0.5, 1], [aside, 0, 0]), axis=1).max()
             for tolerance in tolerances:
-                if off <= tolerance:
+                if max(off, way.tolerance or 0.0) <= tolerance:
                     best[tolerance] = min(best[tolerance], Runs.cost(None, h, way))  # type: ignore[arg-type]
     true = truth.Truth(PATH, 1.0, np.zeros(3))
     found = truth.cheapest(SCENE, true, dict.fromkeys(tolerances, math.inf), ("z",) * links)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import integer, positive, require_callable, require_one_of
-from flexlink.common.errors import EngineError, MissingDependencyError, imported
+from flexlink.common.errors import ArgumentError, EngineError, MissingDependencyError, imported
 from flexlink.common.interruption import StoppedError, deferred, word
 from flexlink.common.output import write_or_keep
 from flexlink.common.types import Array
@@ -32,6 +32,7 @@ from flexlink.results.pictures.film import Film, film_of
 from flexlink.results.pictures.projection import Projected, floor_level, thickest
 
 if TYPE_CHECKING:
+    from flexlink.results.pictures.drawing import Drawing
     from flexlink.results.samples import RunSamples
 
     Base = Path
@@ -69,14 +70,24 @@ class Shot(NamedTuple):
     fps: float
     speed: float
     width: int
+    meshes: Path | None
 
 
-def shot(path: str | Path, *, magnify: float, colour: str, fps: float, speed: float, width: int) -> Shot:
+def shot(
+    path: str | Path,
+    *,
+    magnify: float,
+    colour: str,
+    fps: float,
+    speed: float,
+    width: int,
+    meshes: str | Path | None = None,
+) -> Shot:
     """Check the arguments; errors as in `Trajectory.animate`."""
     path = require_path("path", path)
     ending(path, FORMATS, "a film")
     if path.suffix != ".html":
-        _drawing()
+        drawing_room()
     if path.suffix == ".mp4":
         require_ffmpeg()
     fps, width = positive("fps", fps), integer("width", width, 320, 3840)
@@ -85,7 +96,12 @@ def shot(path: str | Path, *, magnify: float, colour: str, fps: float, speed: fl
         fps = ticks / max(round(ticks / fps), 2)
     magnify, speed = positive("magnify", magnify), positive("speed", speed)
     width += width % 2  # a video needs an even width
-    return Shot(path, magnify, require_one_of("colour", colour, COLOURS), fps, speed, width)
+    if meshes is not None and path.suffix == ".html":
+        raise ArgumentError(
+            f"meshes = {str(meshes)!r}: a page draws no meshes; use .gif or .mp4", id="page-with-meshes"
+        )
+    robot = None if meshes is None else require_path("meshes", meshes)
+    return Shot(path, magnify, require_one_of("colour", colour, COLOURS), fps, speed, width, robot)
 
 
 def animate(run: RunSamples, wanted: Shot, progress: Progress | None = None) -> PlayedPath:
@@ -93,6 +109,7 @@ def animate(run: RunSamples, wanted: Shot, progress: Progress | None = None) -> 
     require_callable("progress", progress)
     report, path = progress or (lambda _: None), wanted.path
     film = film_of(run, magnify=wanted.magnify, colour=wanted.colour, fps=wanted.fps, speed=wanted.speed)
+    drawing = None if path.suffix == ".html" else drawing_of(run, film, wanted)
     report(0.0)
 
     def pulse(part: float) -> None:
@@ -101,27 +118,38 @@ def animate(run: RunSamples, wanted: Shot, progress: Progress | None = None) -> 
             raise StoppedError(stop.signal, f"{path}: {word(stop.signal)}, not written")
 
     with deferred() as stop:
-        write_or_keep(path, lambda place: _write(film, path.suffix, place, wanted.width, pulse))
+        write_or_keep(path, lambda place: _write(film, drawing, place, wanted, pulse))
     return PlayedPath(path)
 
 
-def _drawing() -> ModuleType:
-    return imported("flexlink.results.pictures.drawing", "a film needs matplotlib; use .html, or", "report")
+def drawing_room(name: str = "drawing") -> ModuleType:
+    """The module that draws outlines, or `solid` shapes."""
+    return imported(f"flexlink.results.pictures.{name}", "a film needs matplotlib; use .html, or", "report")
 
 
-def _write(film: Film, format: str, place: Path, width: int, report: Progress) -> None:
-    if format == ".html":
-        place.write_bytes(page(film, width).encode())
+def drawing_of(run: RunSamples, film: Film, wanted: Shot) -> Drawing:
+    """The pictures of a film, with solid shapes if a robot's file with meshes is given."""
+    if wanted.meshes is None or run.scene is None:
+        flat: Drawing = drawing_room().Drawing(film, wanted.width)
+        return flat
+    room = drawing_room("solid")
+    solid: Drawing = room.Rendering(film, wanted.width, room.shapes_of(wanted.meshes, run.scene, run.chain))
+    return solid
+
+
+def _write(film: Film, drawing: Drawing | None, place: Path, wanted: Shot, report: Progress) -> None:
+    if drawing is None:
+        place.write_bytes(page(film, wanted.width).encode())
         report(1.0)
         return
-    drawing, count = _drawing().Drawing(film, width), len(film.t)
+    count = len(film.t)
 
     def images() -> Iterator[Image]:
         for k in range(count):
             yield drawing.image(k)
             report((k + 1) / count)
 
-    if format == ".mp4":
+    if wanted.path.suffix == ".mp4":
         write_mp4(place, images(), drawing.size, film.fps)
     else:
         like = [drawing.image(int(k)) for k in np.linspace(0, count - 1, 6)]

@@ -1,6 +1,9 @@
 """Drawing of a film's frames with matplotlib, without the texts around the picture."""
 
+from collections.abc import Sequence
+
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PatchCollection, PolyCollection
@@ -19,10 +22,13 @@ from flexlink.results.pictures.projection import Projected, Window
 from flexlink.results.pictures.view import View
 
 Image = NDArray[np.uint8]
+GREY, BASE, TRACE = "#595d61", "#73777b", BLUE
 
 
 class Drawing:
     """The picture of a film: its static parts are drawn once; moving parts are drawn over them in each frame."""
+
+    marks: Sequence[tuple[str, str]] = (("■ base", BASE), ("○ joint", INK))
 
     def __init__(self, film: Film, width: int) -> None:
         dpi = 100
@@ -39,7 +45,7 @@ class Drawing:
         self.axes.set_axis_off()
         legend = Legend(self.figure, self.size)
         self._clock = legend.head(film)
-        legend.foot(film, self.window)
+        legend.foot(film, self.window, self.marks)
         floor = LineCollection(list(self.projected.floor[..., :2]), colors=PALE, linewidths=0.7, zorder=0)
         self.axes.add_collection(floor, autolim=False)
         self._moving()
@@ -70,12 +76,12 @@ class Drawing:
             self.axes.add_collection(collection, autolim=False)
         self.axes.add_patch(self._ball)
         lines = self._shadow, self._trace, self._line
-        self._movers = *lines, self._links, self._base, self._joints, self._ball, self._clock
+        self._movers: tuple[Artist, ...] = *lines, self._links, self._base, self._joints, self._ball, self._clock
 
     def _place(self, k: int) -> None:
         film, projected = self.film, self.projected
         quads, order = projected.outlines(k)
-        colours = self._colours(k)[order]
+        colours = colours_of(film, projected.spans, k)[order]
         self._links.set(verts=list(quads[order]), facecolor=colours, edgecolor=colours)
         places = zip(projected.joints[k, :, :2], projected.joint_radii, strict=True)
         self._joints.set_paths([Circle(tuple(place), radius) for place, radius in places])
@@ -87,14 +93,14 @@ class Drawing:
         self._trace.set_data(*projected.trace[film.trace_t <= film.t[k] + 1e-12, :2].T)
         self._clock.set_text(f"t = {film.t[k]:.{projection.digits_of_time(film)}f} s")
 
-    def _colours(self, k: int) -> NDArray[np.float64]:
-        """Colour of every span, from the mean of the values at its two ends."""
-        found, spans = self.film.colouring, self.projected.spans
-        values = (found.values[k, spans] + found.values[k, spans + 1]) / 2
-        return np.asarray(COLOURS(values / found.largest if found.largest else np.full(len(spans), np.nan)))
+
+def colours_of(film: Film, spans: NDArray[np.intp], k: int) -> NDArray[np.float64]:
+    """Colours (spans, 4) of the spans of the links in frame `k`, from the mean of the values at their two ends."""
+    found = film.colouring
+    values = (found.values[k, spans] + found.values[k, spans + 1]) / 2
+    return np.asarray(COLOURS(values / found.largest if found.largest else np.full(len(spans), np.nan)))
 
 
-GREY, BASE, TRACE = "#595d61", "#73777b", BLUE
 HEAD, FOOT = 54, 80  # heights of the texts above the scene and of the legend below it [pixels]
 SIDE = 14  # margin at both sides [pixels]
 
@@ -114,7 +120,7 @@ class Legend:
         style = {"va": "top", "ha": "right", "fontsize": 10, "family": "DejaVu Sans Mono"}
         return self._text(self.width - SIDE, self.height - 30, "", animated=True, **style)
 
-    def foot(self, film: Film, window: Window) -> None:
+    def foot(self, film: Film, window: Window, marks: Sequence[tuple[str, str]]) -> None:
         """Draw the colour bar with its unit, the scale bar and the key."""
         if film.colouring.largest:
             self._colours(film.colouring.largest, film.colouring.label)
@@ -125,7 +131,7 @@ class Legend:
         self.figure.add_artist(Line2D(*ends, **style))
         self._text(right, 50, text, ha="right")
         self._axes(film.view)
-        self._key(bool(film.outline.ball))
+        self._key([*marks, *[("● payload", GREY)] * bool(film.outline.ball), ("— path of the tip", TRACE)])
 
     def _colours(self, largest: float, label: str) -> None:
         bar = self.figure.add_axes((SIDE / self.width, 60 / self.height, 0.42, 10 / self.height))
@@ -148,10 +154,9 @@ class Legend:
             beyond = 1.45 * tip / max(float(np.linalg.norm(tip)), 0.6)
             place.text(*beyond, name, fontsize=8, color=GREY, ha="center", va="center")
 
-    def _key(self, payload: bool) -> None:
-        words = [("■ base", BASE), ("○ joint", INK), ("● payload", GREY), ("— path of the tip", TRACE)]
+    def _key(self, marks: Sequence[tuple[str, str]]) -> None:
         x, renderer = float(SIDE), self.figure.canvas.get_renderer()
-        for text, colour in words if payload else words[:2] + words[3:]:
+        for text, colour in marks:
             x += self._text(x, 8, text, color=colour).get_window_extent(renderer).width + 12
 
     def _text(self, x: float, y: float, text: str, **style: object) -> Text:

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 
+from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
@@ -84,9 +85,9 @@ def film_of(run: RunSamples, *, magnify: float, colour: Colour, fps: float, spee
     passive[run.chain.active] = False
     bent[:, passive] = rest[passive] + magnify * (run.q[:, passive] - rest[passive])
     along = np.unique(np.linspace(0, len(run.t) - 1, min(len(run.t), 1500)).round().astype(int))
-    R, p = placed(run, bent[rows])
+    R, p = placed(run.chain, bent[rows])
     outline = outline_of(scene, run.chain)
-    true = (R, p) if magnify == 1 else placed(run, run.q[rows])
+    true = (R, p) if magnify == 1 else placed(run.chain, run.q[rows])
     trace = frames(run.chain, bent[along]).points[:, -1]
     found = colouring(colour, scene.arm, outline, true, shown)
     about, view = (run.chain.name, scene.about, magnify, speed, fps), view_of(run.chain)
@@ -103,8 +104,8 @@ def frame_count(lasts: float, fps: float, speed: float) -> int:
     return count
 
 
-def placed(run: RunSamples, q: Array) -> tuple[Array, Array]:
+def placed(chain: Chain, q: Array) -> tuple[Array, Array]:
     """Rotations and origins of the base and the bodies."""
-    placed = frames(run.chain, q)
+    placed = frames(chain, q)
     base = np.broadcast_to(np.eye(3), (len(q), 1, 3, 3)), np.zeros((len(q), 1, 3))
     return np.concatenate([base[0], placed.rotations], axis=1), np.concatenate([base[1], placed.points], axis=1)

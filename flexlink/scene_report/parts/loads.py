@@ -126,7 +126,7 @@ def peak_stress(run: RunSamples) -> PeakStress | None:
     best: PeakStress | None = None
     for first in range(0, len(run.t), AT_ONCE):
         part = picked(run, np.arange(first, min(first + AT_ONCE, len(run.t))))
-        stress = 1e-6 * colouring("strain", arm, outline, placed(part, part.q), part).values * np.array(young)
+        stress = 1e-6 * colouring("strain", arm, outline, placed(part.chain, part.q), part).values * np.array(young)
         if not np.isfinite(stress).any():
             return None
         row, station = np.unravel_index(int(np.nanargmax(stress)), stress.shape)
