@@ -186,15 +186,16 @@ class Search:
                 self.accept(fewer, self.runner.run(fewer, outcome.stepping))
 
     def _with_fewer_hinges(self, model: Model) -> Iterator[Model]:
-        """Models in which one link has fewer hinges or is rigid."""
-        family = self.link_errors.refinement.family
+        """Models in which one link has fewer hinges, of any rule, or is rigid."""
+        families = dict.fromkeys((self.link_errors.refinement.family, GAUSS))
         for k, bend in enumerate(model):
             if bend is None:
                 continue
-            for hinges in sorted(FAMILIES[self.link_errors.family].fewer(bend.hinges)):
-                fewer = (*model[:k], by_rule(bend.flex, hinges, family), *model[k + 1 :])
-                if can_move(self.runner.scene, fewer):
-                    yield fewer
+            fewer = [by_rule(bend.flex, n, family) for family in families for n in FAMILIES[family].fewer(bend.hinges)]
+            for less in dict.fromkeys(fewer):
+                smaller = (*model[:k], less, *model[k + 1 :])
+                if can_move(self.runner.scene, smaller):
+                    yield smaller
 
     def _explicit(self) -> None:
         """Try DOP853 with the model of the solution."""

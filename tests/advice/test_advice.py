@@ -266,7 +266,8 @@ def test_fixed_steps_are_chosen_if_they_are_predicted_to_be_cheaper(fixed: float
 
 def study_of_levels(family: str = "gauss", **paths: Array) -> RefinementStudy:
     """A refinement with given tip paths for its levels n1, n2 … (the number is the hinge count)."""
-    refinement = RefinementStudy(cast("ModelRunner", None), NORM, Goal(1e-3, metres=True), ("z",), Stepping("Radau5"))
+    runner = cast("ModelRunner", SimpleNamespace(scene=SimpleNamespace(ties=())))
+    refinement = RefinementStudy(runner, NORM, Goal(1e-3, metres=True), ("z",), Stepping("Radau5"))
     refinement.tolerance = 1e-3
     for name, path in paths.items():
         refinement.levels[family].append(Level(int(name[1:]), outcome(path)))
