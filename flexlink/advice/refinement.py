@@ -141,8 +141,8 @@ class RefinementStudy:
         """The finest level or the extrapolated limit, whichever is known more accurately."""
         levels, limits = [(n, run.tip) for n, run in self.levels[family][-3:]], self._limits[family]
         (Na, a), (Nb, b) = levels[-2:]
-        # ties act between hinges, so that errors of tied arms fall irregularly
-        order, safe = self._order(family, levels), 1.0 if self.runner.scene.ties else FAMILIES[family].safe
+        order, safe = self._order(family, levels), FAMILIES[family].safe
+        safe = 1.0 if self.runner.scene.ties else safe  # ties act between hinges: errors of tied arms fall irregularly
         limit = extrapolated(levels, order)
         # measured on 22 scenes: the error of a level is at most 1.4 times its distance from the limit
         itself = 1.4 * self.norm.up_to(limit.tip - b) if Nb >= FAMILIES[family].asymptotic else self.norm.up_to(b - a)

@@ -37,7 +37,7 @@ READING = "reports have intervals, and a number fitted to one reading predicts o
 RAISED = {
     "public names": (2, f"to_fmu writes an arm for simulators of whole machines; {ADJOINT}"),
     "lines of contracts": (7, "fits, sweeps, reports, advice and robots call the library, not its kernels"),
-    "classes": (26, f"{COMPILES}; {LOOPS}; names of ties; {CURVED}; FMUs; {ADJOINT}; {WRONG}; {SUMMED}"),
+    "classes": (28, f"{COMPILES}; {LOOPS}; names of ties; {CURVED}; FMUs; {ADJOINT}; {WRONG}; {SUMMED}; solid films"),
     "constants": (29, f"{COMPILES}; {LOOPS}; {WRONG}; {SUMMED}"),
     "lines": (620, f"{COMPILES}; {LOOPS}"), "files": (16, f"{LOOPS}; {ADJOINT}; {WRONG}; {SUMMED}; {READING}"),
     "files that simulate imports": (6, f"{LOOPS}; uncertain inputs of a scene"),

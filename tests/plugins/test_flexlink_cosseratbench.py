@@ -1,7 +1,8 @@
 """flexlink as a solver of cosseratbench."""
 
 import dataclasses
-from importlib.metadata import entry_points
+import tomllib
+from importlib.metadata import EntryPoint
 
 import numpy as np
 import pytest
@@ -12,13 +13,15 @@ from cosseratbench.experiments.cantilever import cantilever
 from cosseratbench.experiments.pendulum import pendulum
 from cosseratbench.experiments.twist import twist
 from cosseratbench.scenario import EndCondition, Material, PointLoad, Rod, Scenario
+from flexlink_cosseratbench import FlexlinkSolver
 
-from flexlink.benchmarks.cosserat_rods import FlexlinkSolver
+from tests.conftest import ROOT
 
 
 def test_the_entry_point_is_the_solver() -> None:
-    (found,) = entry_points(group="cosseratbench.solvers", name="flexlink")
-    assert found.load() is FlexlinkSolver
+    described = tomllib.loads((ROOT / "plugins" / "cosseratbench" / "pyproject.toml").read_text("utf-8"))
+    (entry,) = described["project"]["entry-points"]["cosseratbench.solvers"].items()
+    assert EntryPoint(*entry, "cosseratbench.solvers").load() is FlexlinkSolver
 
 
 def test_the_cantilever_is_within_a_thousandth_of_beam_theory() -> None:

@@ -1,1 +1,0 @@
-"""flexlink as a solver of other people's benchmarks."""
