@@ -74,7 +74,7 @@ def _formats(options: argparse.Namespace) -> list[str]:
 
 def _code_writers(options: argparse.Namespace) -> dict[Path, Callable[..., str | bytes]]:
     """Writers of the requested code files, by path."""
-    if options.out.suffix in OF_ENGINES and not options.out.exists():
+    if options.out.suffix in OF_ENGINES and not options.out.is_dir():
         text = f"--out {options.out}: files are named after the scenes; give their folder, --out {options.out.parent}"
         raise ArgumentError(text, id="unknown-format")
 

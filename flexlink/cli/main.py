@@ -151,7 +151,7 @@ class _Parser(argparse.ArgumentParser):
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse words; unknown ones are refused here, where the options of the command are known."""
-        if sum(word in {"-o", "--out"} for word in args or ()) > 1:
+        if sum(word == "--out" or word.startswith(("-o", "--out=")) for word in args or ()) > 1:
             self.error("argument -o/--out: given twice, but one place is written; run the command for each")
         found, rest = super().parse_known_args(args, namespace)
         if rest:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import Any, Never
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlink.chain.arguments import integer, positive, real_array, require_each
+from flexlink.chain.arguments import integer, positive, real_array, refuse_call, require_each
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.memo import Kept
 from flexlink.common.types import Array
@@ -110,7 +110,7 @@ class SimulatorBatch:
         q, qd = (np.concatenate([block.rows(k) for block in self._blocks]) for k in (0, 1))
         return State(self.time, q, qd)
 
-    def step(self, tau: ArrayLike | None = None, *, duration: float | None = None) -> State:
+    def step(self, tau: ArrayLike | None = None, *_more: Never, duration: float | None = None) -> State:
         """Advance all arms as `Simulator.step`, under torques (N, d) of the driven joints; return the state at the end.
 
         Raises
@@ -119,6 +119,8 @@ class SimulatorBatch:
             The state of some arms, whose numbers are in the error's `arms`, is no longer finite, or their energy does
             not balance. All arms stay in their state before this call; `reset` those that failed.
         """
+        if _more:
+            refuse_call(self.step, "too many positional arguments")
         run = self._run
         duration = run.spacing if duration is None else positive("duration", duration)
         stop = self._number + whole("duration", duration, run.label("step", "run."), run.fixed_step, ArgumentError)

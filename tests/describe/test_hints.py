@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import flexlink as fl
@@ -133,6 +134,23 @@ def test_water_a_breadth_in_millimetres_and_a_play_in_degrees_get_a_hint(mistake
     (hint,) = hints(CRANE.varied(mistake))
     assert hint.startswith(f"{path} = ")
     reviewed(hint.id, hint)
+
+
+@pytest.mark.parametrize(("angle", "rate", "id"), [
+    (lambda t: 60 * t**2 * (3 - 2 * t), lambda t: np.radians(360 * t * (1 - t)), "likely-radians"),
+    (lambda t: (350 + 30 * t**2) % 360, lambda t: 60 * t, "likely-wrapped"),
+    (lambda t: 60 * t**2 * (3 - 2 * t), lambda t: 360 * t * (1 - t), None),
+    (lambda t: 20 * t**2, lambda t: 40 * t, None),
+])  # fmt: skip
+def test_rates_of_a_motion_in_radians_and_angles_that_begin_a_turn_again_get_a_hint(angle, rate, id) -> None:
+    t = np.linspace(0, 1, 11)
+    motion = {"link": "boom", "times": t.tolist(), "angle_deg": angle(t).tolist(), "rate_deg": rate(t).tolist()}
+    motion["acceleration_deg"] = [0.0] * 11
+    free = {"initial.joint_deg.boom": motion["angle_deg"][0], "link.boom.joint.limits_deg": [-400.0, 400.0]}
+    found = hints(CRANE.varied({"motion": [motion], **free}))
+    assert [hint.id for hint in found] == [id] * (id is not None)
+    for hint in found:
+        reviewed(hint.id, hint)
 
 
 def test_the_resolution_of_a_joint_sensor_in_degrees_gets_a_hint() -> None:

@@ -103,7 +103,10 @@ def of_angles(scene: Scene) -> Iterator[Diagnostic]:
 
 
 def _of_turns(scene: Scene) -> Iterator[Diagnostic]:
-    """Hint on tables through more than a turn that end at no whole degree, as degrees in a column of radians do."""
+    """Hints on tables through more than a turn that end at no whole degree, as degrees in a column of radians do.
+
+    Also on tables that jump by a turn, and on rates that are as much too small as radians are in degrees.
+    """
     reference = scene.drive.reference
     columns = {f"motion.{motion.link}": motion.angle_deg for motion in scene.motion}
     if reference is not None and reference.angle_deg:
@@ -114,6 +117,18 @@ def _of_turns(scene: Scene) -> Iterator[Diagnostic]:
             turns = (max(angles) - min(angles)) / 360.0
             remedy = "if the column was in degrees, write [deg] in its name instead of [rad]"
             yield Diagnostic(f"{path}: {turns:.3g} turns; {remedy}", "likely-degrees")
+        steps = np.abs(np.diff(angles or ()))
+        if len(steps) > 1 and 300.0 < steps.max() <= 360.0 and np.median(steps) < 30.0:
+            row = f"{path}: jumps by {steps.max():.4g}° at row {int(steps.argmax()) + 1}, counted from 0"
+            remedy = "likely an encoder that begins a turn again: numpy.unwrap(angles, period=360) makes it continuous"
+            yield Diagnostic(f"{row}; {remedy}", "likely-wrapped")
+    for motion in scene.motion:
+        if motion.angle_deg and motion.rate_deg and motion.times:
+            rates, change = np.array(motion.rate_deg), np.abs(np.diff(motion.angle_deg)).sum()
+            by_rates = (np.abs(rates[1:] + rates[:-1]) / 2 * np.diff(motion.times)).sum()
+            if by_rates and abs(math.radians(change / by_rates) - 1) < 0.1:
+                why = f"the angles change {change / by_rates:.3g} times as fast; likely given in rad/s"
+                yield Diagnostic(f"motion.{motion.link}.rate_deg: {why}: multiply by 57.2958", "likely-radians")
 
 
 def _looks_like_radians(value: float, coarse: int = 90) -> bool:
