@@ -140,7 +140,7 @@ def test_uncertain_paths_need_no_quotes(tmp_path: Path) -> None:
     lambda: fl.initial_state(fl.lump(SCENE)),
     lambda: fl.Simulator(SCENE).step(0.01, [100.0]),  # type: ignore[arg-type]  a mistake of type as well
     lambda: fl.SimulatorBatch([SCENE]).step(0.01, [100.0]),  # type: ignore[arg-type]
-], ids="simulate many compare sweep urdf fit advise modes state step batch".split())  # fmt: skip
+], ids=["simulate", "many", "compare", "sweep", "urdf", "fit", "advise", "modes", "rest", "step", "batch"])  # fmt: skip
 def test_a_call_that_does_not_fit_is_refused_with_what_the_function_takes(call: Callable[[], object]) -> None:
     with refused(fl.errors.ArgumentError, "wrong-arguments"):
         call()
