@@ -342,8 +342,9 @@ class ShapeSearch:
         """The coarsest level of the refinement study whose error is at most this share of the allowed error."""
         levels = self.link_errors.refinement.models().items()
         for model, outcome in sorted(levels, key=lambda level: self.runner.chain(level[0]).n):
-            if self.link_errors.solution(model, outcome, share * self.allowed):
-                return self._tried(model, outcome.stepping)
+            enough = self.link_errors.solution(model, outcome, share * self.allowed)
+            if enough and (found := self._tried(model, outcome.stepping)):
+                return found
         return None
 
     def _shaped(self) -> Solution | None:

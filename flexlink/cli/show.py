@@ -13,6 +13,7 @@ from pathlib import Path
 
 from flexlink.chain.lumping import lump
 from flexlink.cli.shared import prefix_errors, print_lines, print_notes, print_path, require_writable, varied_scene
+from flexlink.common.errors import EngineError
 from flexlink.common.progress import Progress
 from flexlink.motion.simulate import simulate
 from flexlink.results.pictures.animate import COLOURS, FORMATS, animate, drawing_room, shot
@@ -26,7 +27,10 @@ def run_command(options: argparse.Namespace) -> int:
     out = options.out or Path(options.scene.with_suffix(".gif" if options.meshes else ".html").name)
     names = "magnify", "colour", "fps", "speed", "width", "meshes"
     wanted = shot(out, **{name: getattr(options, name) for name in names})
-    require_writable(out)
+    if options.view and not has_screen():
+        raise EngineError("--view: there is no screen; write a film, such as -o film.gif", id="cannot-render")
+    if not options.view:
+        require_writable(out)
     scene = varied_scene(options.scene, options, {} if options.duration is None else {"run.duration": options.duration})
     frame_count(scene.run.duration, wanted.fps, wanted.speed)
     if wanted.meshes is not None:

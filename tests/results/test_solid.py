@@ -139,6 +139,9 @@ def test_show_draws_meshes_and_reads_them_before_the_run(robot: Path, tmp_path: 
     Path("arm.toml").write_text(scene.varied({"run.duration": 0.1}).to_toml())
     shapes = solid.shapes_of(robot, scene, fl.lump(scene))
     seen = list[str]()
+    monkeypatch.setattr(show, "has_screen", lambda: False)
+    assert main(["show", "arm.toml", "--meshes", str(robot), "--view"]) == 2
+    monkeypatch.setattr(show, "has_screen", lambda: True)
     monkeypatch.setattr(solid, "shapes_of", lambda *_: seen.append("read") or shapes)
     monkeypatch.setattr(show, "simulate", lambda scene, **_: seen.append("run") or fl.simulate(scene))
     monkeypatch.setattr(show, "animate", lambda run, wanted, _: seen.append(str(wanted.meshes)))
@@ -183,3 +186,38 @@ def test_shapes_that_fit_need_the_name_of_the_joint_or_of_the_link_only(robot: P
     expected = solid.shapes_of(robot, scene, fl.lump(scene)).body
     robot.write_text(robot.read_text().replace('"shoulder"', '"hip"'))
     assert (solid.shapes_of(robot, scene, fl.lump(scene)).body == expected).all()
+
+
+def test_a_link_named_as_another_joint_keeps_its_own_shapes(robot: Path) -> None:
+    robot.write_text(robot.read_text().replace('"fore"', '"shoulder"'))
+    scene = fl.import_urdf(robot).scene
+    assert solid.shapes_of(robot, scene, fl.lump(scene)).body.tolist() == [0, 1, 2, 3, 3]
+
+
+def test_a_mesh_is_that_of_its_package_and_a_file_may_have_options_for_mujoco(robot: Path) -> None:
+    parts = robot.parent.parent / "gripper" / "parts"
+    parts.mkdir(parents=True)
+    (parts / "block.obj").write_text(BLOCK)
+    assert solid._located(robot, "package://gripper/parts/block.obj") == parts / "block.obj"
+    assert solid._located(robot, "package://robot/parts/block.obj") == robot.parent / "parts" / "block.obj"
+    robot.write_text(robot.read_text().replace("</robot>", "<mujoco><compiler angle='radian'/></mujoco></robot>"))
+    scene = fl.import_urdf(robot).scene
+    assert len(solid.shapes_of(robot, scene, fl.lump(scene)).body) == 5
+
+
+def test_the_sky_the_planes_and_the_sites_of_a_file_are_not_drawn_and_materials_are_kept(robot: Path) -> None:
+    path = as_mjcf(robot)
+    assets = (
+        '<texture name="s" type="skybox" builtin="gradient" width="8" height="8"/><material name="m" rgba="0 1 0 1"/>'
+    )
+    text = path.read_text().replace("<worldbody>", '<worldbody><site name="s" size="0.1"/>', 1)
+    text = text.replace("<asset>", f'<visual><map znear="0.5" zfar="2"/></visual><asset>{assets}', 1)
+    path.write_text(re.sub('(<geom name="[^"]*"|<geom) ', r'\1 material="m" ', text))
+    scene = fl.import_urdf(path, flexible={"upper": fl.FlexibleLink(frequency_hz=3.0)}).scene
+    run, film = filmed(scene)
+    shapes = solid.shapes_of(path, scene, run.chain)
+    drawn = solid.Solid(film, shapes, np.eye(3))
+    assert {geom.objtype for geom in drawn.placed(0).geoms[: drawn.scene.ngeom]} == {mujoco.mjtObj.mjOBJ_GEOM}
+    assert (drawn.model.vis.map.znear, int(drawn.model.ntex)) == (pytest.approx(0.01), 1)
+    (seen_through,) = drawn.model.geom_rgba[drawn.of_file[shapes.bends]]
+    assert seen_through == pytest.approx([0.0, 1.0, 0.0, 0.35])

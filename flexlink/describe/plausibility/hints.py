@@ -118,7 +118,7 @@ def _of_turns(scene: Scene) -> Iterator[Diagnostic]:
             remedy = "if the column was in degrees, write [deg] in its name instead of [rad]"
             yield Diagnostic(f"{path}: {turns:.3g} turns; {remedy}", "likely-degrees")
         steps = np.abs(np.diff(angles or ()))
-        if len(steps) > 1 and 300.0 < steps.max() <= 360.0 and np.median(steps) < 30.0:
+        if len(steps) > 6 and 180.0 < steps.max() <= 360.0 and 360.0 - steps.max() <= 2 * np.median(steps):
             row = f"{path}: jumps by {steps.max():.4g}° at row {int(steps.argmax()) + 1}, counted from 0"
             remedy = "likely an encoder that begins a turn again: numpy.unwrap(angles, period=360) makes it continuous"
             yield Diagnostic(f"{row}; {remedy}", "likely-wrapped")

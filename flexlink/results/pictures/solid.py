@@ -65,17 +65,17 @@ def shapes_of(path: Path, scene: Scene, chain: Chain) -> Shapes:
         why = f"{path}: has no shape that MuJoCo reads (.stl, .obj); convert its meshes, or leave them out"
         raise DataFileError(why, id="no-shapes")
     data, links = mujoco.MjData(model), scene.arm.links
-    number = {name: k for k, link in enumerate(links, 1) for name in (link.name, link.joint_name)}
+    of_link = {link.name: k for k, link in enumerate(links, 1)}
+    of_joint = {link.joint_name: k for k, link in enumerate(links, 1)}
     first, last = {0: base_body(chain)}, {0: base_body(chain)}
     for piece in pieces(open_chain(scene)):
         first.setdefault(piece.link, piece.body)
         last[piece.link] = piece.body
     link, own = [0], [False]  # of each body, or of the body that it is fixed to
     for b, parent in enumerate(model.body_parentid[1:], 1):
-        names, joint = [model.body(b).name], int(model.body_jntadr[b])
-        if joint >= 0:
-            names.append(model.joint(joint).name)
-        known = next((number[name] for name in names if name in number), 0)
+        joint = int(model.body_jntadr[b])
+        known = of_joint.get(model.joint(joint).name, 0) if joint >= 0 else 0
+        known = known or of_link.get(model.body(b).name, 0)
         link.append(known or link[parent])
         own.append(bool(known))
         if joint >= 0 and known and links[known - 1].joint.locked:
@@ -87,7 +87,8 @@ def shapes_of(path: Path, scene: Scene, chain: Chain) -> Shapes:
     q = chain.rest.copy()
     q[chain.active] = 0.0
     R, p = (part[0] for part in placed(chain, q[None]))
-    off = [math.dist(p[first[k]], data.xpos[b]) for b, k in enumerate(link) if own[b] and not links[k - 1].joint.locked]
+    moving = [(b, int(model.body_jntadr[b])) for b, k in enumerate(link) if own[b] and not links[k - 1].joint.locked]
+    off = [math.dist(p[first[link[b]]], data.xanchor[joint]) for b, joint in moving if joint >= 0]
     if max(off, default=0.0) > 0.01 * chain.reach:
         why = f"its joints are up to {max(off):.3g} m from those of the scene when all are at zero"
         raise ArgumentError(f"{path}: {why}; import the scene again from this file, without `locked`", id="other-robot")
@@ -105,7 +106,7 @@ def _specification(mujoco: Any, path: Path) -> Any:
     if root.tag == "robot":
         spec = mujoco.MjSpec.from_string(_with_meshes(root, path))
         for mesh in spec.meshes:
-            mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # meshes may be open or flat
+            mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # meshes may be open
         return spec
     spec = mujoco.MjSpec.from_file(str(path))
     seen = [geom for geom in spec.geoms if not (geom.contype or geom.conaffinity)]
@@ -136,6 +137,8 @@ def _with_meshes(root: ET.Element, path: Path) -> str:
     if bare:
         text = f"{path}: no shape of {short_list(bare)} can be read (.stl, .obj); not drawn"
         warnings.warn(Diagnostic(text, "shapes-not-drawn"), RuntimeWarning, stacklevel=5)
+    for own in root.findall("mujoco"):  # MuJoCo reads one
+        root.remove(own)
     options = {"strippath": "false", "fusestatic": "false", "discardvisual": "false", "balanceinertia": "true"}
     ET.SubElement(ET.SubElement(root, "mujoco"), "compiler", options, boundmass="1e-6", boundinertia="1e-9")
     return ET.tostring(root, encoding="unicode")
@@ -145,7 +148,7 @@ def _located(path: Path, name: str) -> Path | None:
     """File of a mesh that is named as package://PACKAGE/PLACE, as file://PLACE or relative to the robot's file."""
     parts = Path(name.partition("://")[2] or name).parts
     folders = [path.resolve().parent, *path.resolve().parents]
-    found = (folder.joinpath(*parts[k:]) for folder in folders for k in range(len(parts)))
+    found = (folder.joinpath(*parts[k:]) for k in range(len(parts)) for folder in folders)  # complete names first
     return next((file for file in found if file.is_file()), None)
 
 
@@ -171,7 +174,7 @@ class Rendering(Drawing):
         try:
             self._memory = _memory(solid, *size)
         except Exception as error:  # each system of windows raises its own
-            why = f"MuJoCo cannot draw: {error}; set MUJOCO_GL to egl or osmesa, or leave out the meshes"
+            why = f"MuJoCo cannot draw: {error}; set MUJOCO_GL=egl, or leave out the meshes"
             raise EngineError(why, id="cannot-render") from None
         blank = np.zeros((*size, 4), np.uint8)
         self._picture = self.axes.imshow(blank, extent=tuple(window), interpolation="nearest", animated=True)
@@ -182,6 +185,7 @@ class Rendering(Drawing):
         mujoco, scene, memory = self._solid.mujoco, self._solid.placed(k), self._memory[1]
         image = np.zeros((self.scene_height, self.size[0], 3), np.uint8)
         frame = mujoco.MjrRect(0, 0, *image.shape[1::-1])
+        self._memory[0].make_current()  # another film may have been drawn meanwhile
         mujoco.mjr_render(frame, scene, memory)
         mujoco.mjr_readPixels(image, None, frame, memory)
         seen = (image < 255).any(axis=2, keepdims=True)  # the background is white
@@ -218,7 +222,9 @@ class Solid:
         for direction in ((0.3, 1.0, -0.8), (-0.8, 0.5, -0.3)):
             spec.worldbody.add_light(type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, dir=direction, diffuse=[0.3] * 3)
         sky, flat = mujoco.mjtTexture.mjTEXTURE_SKYBOX, mujoco.mjtBuiltin.mjBUILTIN_FLAT
-        spec.add_texture(name="white", type=sky, builtin=flat, rgb1=[1] * 3, rgb2=[1] * 3, width=8, height=8)
+        for texture in [each for each in spec.textures if each.type == sky]:
+            spec.delete(texture)
+        spec.add_texture(type=sky, builtin=flat, rgb1=[1] * 3, rgb2=[1] * 3, width=8, height=8)
         spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.45] * 3, [0.25] * 3
         self.model = spec.compile()
         self.data, self.own = mujoco.MjData(self.model), np.array([geom.id for geom in own])
@@ -226,9 +232,14 @@ class Solid:
         mujoco.mj_camlight(self.model, self.data)
         self.model.stat.extent, self.model.stat.center[:] = film.reach, axes @ film.bodies.mean(axis=(0, 1))
         self.of_file = np.setdiff1d(np.arange(self.model.ngeom), self.own)
-        self.model.geom_rgba[self.of_file[shapes.bends], 3] *= 0.35  # so that the beam inside is seen
+        seen_through, of = self.of_file[shapes.bends], self.model.geom_matid
+        painted = seen_through[of[seen_through] >= 0]
+        self.model.geom_rgba[painted] = self.model.mat_rgba[of[painted]]
+        self.model.geom_rgba[seen_through, 3] *= 0.35  # so that the beam inside is seen
+        self.model.vis.map.znear, self.model.vis.map.zfar = 0.01, 50.0
         self.scene, self.options = mujoco.MjvScene(self.model, 10_000), mujoco.MjvOption()
         self.camera, self.options.geomgroup[:] = mujoco.MjvCamera(), 1
+        self.options.sitegroup[:] = self.options.tendongroup[:] = 0  # MuJoCo placed them
 
     def placed(self, k: int) -> Any:
         """MuJoCo's scene with all shapes placed and coloured as in frame k."""
@@ -256,7 +267,7 @@ def view(run: RunSamples, film: Film, meshes: Path) -> None:
     solid = Solid(film, shapes, np.array([level(v), np.cross(v, level(v)), v]))
     parts = "type dataid objtype objid category matid size pos mat rgba specular shininess transparent modelrbound"
     with viewer.launch_passive(solid.model, solid.data, show_left_ui=False, show_right_ui=False) as window:
-        window.opt.geomgroup[:] = 0  # the viewer places shapes as MuJoCo would; shown are copies of those placed here
+        window.opt.sitegroup[:] = window.opt.geomgroup[:] = 0  # shown are copies of the shapes placed here
         while window.is_running():
             scene = solid.placed(int((time.perf_counter() - begun) * film.fps) % len(film.t))
             with window.lock():
