@@ -198,8 +198,8 @@ def test_a_mesh_is_that_of_its_package_and_a_file_may_have_options_for_mujoco(ro
     parts = robot.parent.parent / "gripper" / "parts"
     parts.mkdir(parents=True)
     (parts / "block.obj").write_text(BLOCK)
-    assert solid._located(robot, "package://gripper/parts/block.obj") == parts / "block.obj"
-    assert solid._located(robot, "package://robot/parts/block.obj") == robot.parent / "parts" / "block.obj"
+    found = [solid._located(robot, f"package://{package}/parts/block.obj") for package in ("gripper", "robot")]
+    assert found == [parts / "block.obj", robot.parent / "parts" / "block.obj"]
     robot.write_text(robot.read_text().replace("</robot>", "<mujoco><compiler angle='radian'/></mujoco></robot>"))
     scene = fl.import_urdf(robot).scene
     assert len(solid.shapes_of(robot, scene, fl.lump(scene)).body) == 5
