@@ -88,8 +88,7 @@ class Thresholds:
 
     reference_step_share = 0.02  # tolerance of the steps of reference runs, relative to the allowed error
     stable_share = 0.9  # fixed step, relative to the smallest stable step of several configurations
-    # tolerances of the steps of rigid arms to try, relative to the allowed error: no larger one, as it is what a run
-    # promises
+    # tolerances of the steps of rigid arms to try, relative to the allowed error; larger ones would promise less
     loose = (1.0, 0.3)
     perturbation = 10.0  # smallest initial distance of a perturbed run from the original, relative to steps' tolerance
     proportional = 0.1  # largest distance of two runs that is proportional to the initial one, relative to the travel

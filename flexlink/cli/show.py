@@ -16,7 +16,7 @@ from flexlink.cli.shared import prefix_errors, print_lines, print_notes, print_p
 from flexlink.common.errors import EngineError
 from flexlink.common.progress import Progress
 from flexlink.motion.simulate import simulate
-from flexlink.results.pictures.animate import COLOURS, FORMATS, animate, drawing_room, shot
+from flexlink.results.pictures.animate import COLOURS, FORMATS, Shot, animate, drawing_room, shot
 from flexlink.results.pictures.film import film_of, frame_count
 
 formats, colours = ", ".join(FORMATS), " or ".join(COLOURS)  # words of the help texts in `options.toml`
@@ -25,8 +25,7 @@ formats, colours = ", ".join(FORMATS), " or ".join(COLOURS)  # words of the help
 def run_command(options: argparse.Namespace) -> int:
     """Check that a scene can be drawn, run it, and draw the motion."""
     out = options.out or Path(options.scene.with_suffix(".gif" if options.meshes else ".html").name)
-    names = "magnify", "colour", "fps", "speed", "width", "meshes"
-    wanted = shot(out, **{name: getattr(options, name) for name in names})
+    wanted = shot(out, **{name: getattr(options, name) for name in Shot._fields[1:]})
     if options.view and not has_screen():
         raise EngineError("--view: there is no screen; write a film, such as -o film.gif", id="cannot-render")
     if not options.view:

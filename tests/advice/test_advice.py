@@ -53,7 +53,7 @@ class Beams:
         self.constants, self.less, self.bending = constants, less or {}, list(range(len(constants)))
         self.order, self.family = FAMILIES["gauss"].order, "gauss"
         self.refinement = SimpleNamespace(
-            axes=axes or ("z",) * len(constants), family="gauss", finest=SimpleNamespace(hinges=40), travel=1.0
+            axes=axes or ("z",) * len(constants), family="gauss", finest=SimpleNamespace(hinges=40)
         )
         self.known: dict[Model, float] = {}
 

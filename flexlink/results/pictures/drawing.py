@@ -62,11 +62,16 @@ class Drawing:
 
     def _moving(self) -> None:
         """Create the moving parts, from back to front."""
+        (self._shadow,) = self.axes.plot([], [], color="0.86", linewidth=3.0, solid_joinstyle="round", animated=True)
+        (self._trace,) = self.axes.plot([], [], color=TRACE, linewidth=0.9, alpha=0.75, animated=True)
+        behind, before = self._arm()
+        self._movers = self._shadow, *behind, self._trace, *before, self._clock
+
+    def _arm(self) -> tuple[tuple[Artist, ...], tuple[Artist, ...]]:
+        """Create the parts of the arm behind and before the path of its tip."""
         film, projected, half = self.film, self.projected, self.projected.base_half
         self._base = Rectangle((-half, -half), 2 * half, 2 * half, color=BASE, animated=True)  # above the links
         self.axes.add_patch(self._base)
-        (self._shadow,) = self.axes.plot([], [], color="0.86", linewidth=3.0, solid_joinstyle="round", animated=True)
-        (self._trace,) = self.axes.plot([], [], color=TRACE, linewidth=0.9, alpha=0.75, animated=True)
         (self._line,) = self.axes.plot([], [], color="0.45", linewidth=2.0, solid_joinstyle="round", animated=True)
         self._links = PolyCollection([], linewidths=0.6, animated=True)
         self._joints = PatchCollection([], facecolor="white", edgecolor=INK, linewidth=1.1, animated=True)
@@ -75,10 +80,17 @@ class Drawing:
         for collection in (self._links, self._joints):
             self.axes.add_collection(collection, autolim=False)
         self.axes.add_patch(self._ball)
-        lines = self._shadow, self._trace, self._line
-        self._movers: tuple[Artist, ...] = *lines, self._links, self._base, self._joints, self._ball, self._clock
+        return (), (self._line, self._links, self._base, self._joints, self._ball)
 
     def _place(self, k: int) -> None:
+        film, projected = self.film, self.projected
+        self._place_arm(k)
+        if film.view.spatial:
+            self._shadow.set_data(*projected.shadow[k, :, :2].T)
+        self._trace.set_data(*projected.trace[film.trace_t <= film.t[k] + 1e-12, :2].T)
+        self._clock.set_text(f"t = {film.t[k]:.{projection.digits_of_time(film)}f} s")
+
+    def _place_arm(self, k: int) -> None:
         film, projected = self.film, self.projected
         quads, order = projected.outlines(k)
         colours = colours_of(film, projected.spans, k)[order]
@@ -88,10 +100,6 @@ class Drawing:
         self._base.set_xy(tuple(projected.base[k, :2] - projected.base_half))
         self._ball.center = tuple(projected.ball[k, :2])
         self._line.set_data(*projected.skeleton[k, :, :2].T)
-        if film.view.spatial:
-            self._shadow.set_data(*projected.shadow[k, :, :2].T)
-        self._trace.set_data(*projected.trace[film.trace_t <= film.t[k] + 1e-12, :2].T)
-        self._clock.set_text(f"t = {film.t[k]:.{projection.digits_of_time(film)}f} s")
 
 
 def colours_of(film: Film, spans: NDArray[np.intp], k: int) -> NDArray[np.float64]:

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 from xml.etree import ElementTree as ET
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.colors import to_rgba
 
 from flexlink.chain.chain import Chain
@@ -161,8 +162,7 @@ class Rendering(Drawing):
         self._shapes = shapes
         super().__init__(film, width)
 
-    def _moving(self) -> None:
-        super()._moving()
+    def _arm(self) -> tuple[tuple[Artist, ...], tuple[Artist, ...]]:
         right, up, eye = self.film.view.axes
         self._solid = solid = Solid(self.film, self._shapes, np.array([right, -eye, up]))
         window, size = self.window, (self.scene_height, self.size[0])
@@ -178,10 +178,9 @@ class Rendering(Drawing):
             raise EngineError(why, id="cannot-render") from None
         blank = np.zeros((*size, 4), np.uint8)
         self._picture = self.axes.imshow(blank, extent=tuple(window), interpolation="nearest", animated=True)
-        self._movers = self._shadow, self._picture, self._trace, self._clock
+        return (self._picture,), ()
 
-    def _place(self, k: int) -> None:
-        super()._place(k)
+    def _place_arm(self, k: int) -> None:
         mujoco, scene, memory = self._solid.mujoco, self._solid.placed(k), self._memory[1]
         image = np.zeros((self.scene_height, self.size[0], 3), np.uint8)
         frame = mujoco.MjrRect(0, 0, *image.shape[1::-1])
