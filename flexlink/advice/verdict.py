@@ -4,6 +4,8 @@ import dataclasses
 import math
 from typing import Any
 
+import numpy as np
+
 from flexlink.common.notebook import html_table
 from flexlink.describe.scene import Scene
 from flexlink.motion.simulate import simulate
@@ -34,13 +36,17 @@ class Advice:
         error = f"error {self.error:.2g} m of {self.tolerance:.2g} m"
         return f"<Advice {self.scene.name!r}: {'met' if self.met else 'cannot'}, {error}, {self.runs} runs>"
 
-    def plot(self) -> Any:
-        """Run `scene`, and plot its tip against time; dotted, the limit of finer models. Needs matplotlib."""
+    def plot(self, *, ax: Any = None) -> Any:
+        """Run `scene`, and plot its tip against time; dotted, the limit of finer models. Needs matplotlib.
+
+        Returns the figure of `ax`, axes to draw in, or a new one.
+        """
         run = simulate(self.scene)
-        figure = run.plot(what="tip")
+        figure = run.plot(what="tip", ax=ax)
+        panel = figure.axes[0] if ax is None else np.ravel(ax)[0]
         if self.converged_tip is not None:
-            figure.axes[0].plot(run.t, self.converged_tip.tip, "k:")
-        figure.suptitle(repr(self))
+            panel.plot(run.t, self.converged_tip.tip, "k:")
+        panel.set_title(repr(self))
         return figure
 
     def _repr_html_(self) -> str:

@@ -123,19 +123,20 @@ class Chain(Layout):
         rows = list(zip(range(self.n), self.joint_names, driven, *columns, strict=True))
         return html_table(repr(self), tuple(heads), rows)
 
-    def plot(self, q: ArrayLike | None = None) -> Any:
+    def plot(self, q: ArrayLike | None = None, *, ax: Any = None) -> Any:
         """Draw the arm at angles q [rad], shape (n,), from the side and, unless it is planar, from above.
 
-        Without q, joints are at zero and springs unloaded. Returns a matplotlib Figure, which a notebook displays.
+        Without q, joints are at zero and springs unloaded. Returns a matplotlib Figure, which a notebook displays; it
+        is that of `ax`, axes to draw in, one for each view, or a new one.
 
         Raises
         ------
         ArgumentError
-            `q` has the wrong shape, is not real or not finite.
+            `q` has the wrong shape, is not real or not finite; or there are more or fewer axes than views.
         MissingDependencyError
             matplotlib is not installed.
         """
-        return drawing_module("scene_report.arm_picture").plot_chain(self, q)
+        return drawing_module("scene_report.arm_picture").plot_chain(self, q, ax=ax)
 
     def with_numbers(self, **fields: Any) -> Chain:
         """Return the chain with other field values but the same layout; cached layout data are reused."""

@@ -174,10 +174,11 @@ class Scene(Spec, frozen=True):
         ]
         return html_table(f"{self.name}: {self.run.in_words}", heads, rows)
 
-    def plot(self) -> Any:
+    def plot(self, *, ax: Any = None) -> Any:
         """Draw the arm in its initial state, from the side and, if it is not planar, from above.
 
-        Returns a matplotlib Figure, which a notebook displays once.
+        Returns a matplotlib Figure, which a notebook displays once; it is that of `ax`, axes to draw in, one for each
+        view, or a new one.
 
         Raises
         ------
@@ -191,7 +192,7 @@ class Scene(Spec, frozen=True):
         >>> figure = scene.plot()
         >>> figure.savefig("two_links.png")
         """
-        return drawing_module("scene_report.arm_picture").plot_scene(self)
+        return drawing_module("scene_report.arm_picture").plot_scene(self, ax)
 
     def _put_joints_at_zero(self) -> None:
         """Set the default angles; if a complete state is given, a reference must then specify where it starts."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, TypeVar, cast
+from typing import TYPE_CHECKING, TypeAlias, TypeVar, cast
 
 import matplotlib as mpl
 import numpy as np
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from flexlink.results.trajectory import Trajectory
 
     Draw = Callable[[Axes], None]
+    Given: TypeAlias = Axes | Sequence[Axes] | None
 
 Drawing = TypeVar("Drawing", bound=Callable[..., object])
 
@@ -50,10 +51,23 @@ class NotebookFigure(Figure):  # type: ignore[misc]  # mypy does not read matplo
         return picture.getvalue()
 
 
+def axes_of(
+    ax: Given, count: int, size: tuple[float, float], title: str, columns: int = 1, **grid: object
+) -> tuple[NotebookFigure, list[Axes]]:
+    """The user's axes, which must be `count`, or panels of a new figure of this size [in], and their figure."""
+    if ax is None:
+        figure = NotebookFigure(figsize=size, layout="constrained")
+        figure.suptitle(title)
+        return figure, list(figure.subplots(-(-count // columns), columns, squeeze=False, **grid).flat)
+    axes = list(np.ravel(ax))
+    if len(axes) != count:
+        text = f"{len(axes)} axes for {plural(count, 'panel')}; give one for each"
+        raise ArgumentError(f"ax: {text}", id="wrong-shape")
+    return axes[0].figure, axes
+
+
 @literal
-def plot_trajectory(
-    run: Trajectory, what: str | Sequence[str] | None = None, ax: Axes | Sequence[Axes] | None = None
-) -> NotebookFigure:
+def plot_trajectory(run: Trajectory, what: str | Sequence[str] | None = None, ax: Given = None) -> NotebookFigure:
     """Plot `panels` and columns of a run against time, or the arm, as `Trajectory.plot` describes."""
     over_time, beside = what not in ("postures", "loads"), {}
     draw: Callable[[list[Axes], Trajectory], None] = postures if what == "postures" else loads
@@ -61,21 +75,14 @@ def plot_trajectory(
     if over_time:
         shown = _chosen(run, what)
         draw, count, size = partial(_over_time, shown), len(shown), (8.4, 1.9 * len(shown) + 0.7)
-    if ax is None:
-        figure = NotebookFigure(figsize=size, layout="constrained")
-        ax = figure.subplots(count, 1, sharex=True, squeeze=False)
-        figure.suptitle(run.chain.name)
-        beside = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0), "borderaxespad": 0.0} if over_time else {}
-    axes = np.ravel(ax)
-    if len(axes) != count:
-        text = f"{len(axes)} axes for {plural(count, 'panel')}; give one for each, or choose panels by `what`"
-        raise ArgumentError(f"ax: {text}", id="wrong-shape")
-    draw(list(axes), run)
+    if ax is None and over_time:
+        beside = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0), "borderaxespad": 0.0}
+    figure, axes = axes_of(ax, count, size, run.chain.name, sharex=True)
+    draw(axes, run)
     for panel in axes:
         panel.grid(alpha=0.3)
         panel.legend(fontsize="small", **beside)
-    drawn: NotebookFigure = axes[0].figure
-    return drawn
+    return figure
 
 
 def _over_time(shown: Sequence[Draw], axes: Sequence[Axes], _: Trajectory) -> None:
@@ -185,16 +192,14 @@ def loads(axes: Sequence[Axes], run: Trajectory) -> None:
 
 
 @literal
-def plot_modes(found: Modes, chain: Chain, count: int = 8, width: float = 7.2) -> NotebookFigure:
+def plot_modes(found: Modes, chain: Chain, count: int = 8, width: float = 7.2, ax: Given = None) -> NotebookFigure:
     """Plot mode shapes as displaced arms, one panel per mode, each in the view that shows its motion best."""
     shown = min(count, len(found.eigenvalues))
     reach = np.ptp(found.points, axis=0).max() or 1.0
-    rows = -(-shown // 2)
-    figure = NotebookFigure(figsize=(width, 0.42 * width * rows + 0.6), layout="constrained")
+    size = width, 0.42 * width * -(-shown // 2) + 0.6
     fine = resolved(found, chain)
     note = "" if all(fine[:shown]) else "\ndashed: fewer than two hinges per half-wave"
-    figure.suptitle(f"{chain.name}: mode shapes, amplitude not to scale{note}")
-    panels = np.atleast_1d(figure.subplots(rows, 2, squeeze=False)).ravel()
+    figure, panels = axes_of(ax, shown, size, f"{chain.name}: mode shapes, amplitude not to scale{note}", 2)
     for panel in panels[shown:]:
         panel.set_visible(False)
     for k, panel in enumerate(panels[:shown]):
@@ -230,10 +235,9 @@ def _curves(panel: Axes, run: RunSamples, joints: list[int], values: Array, labe
     panel.set_ylabel(label)
 
 
-def plot_bode(hertz: Array, L: Complex, title: str) -> NotebookFigure:
+def plot_bode(hertz: Array, L: Complex, title: str, ax: Given = None) -> NotebookFigure:
     """Magnitude and phase of a loop broken at one input."""
-    figure = NotebookFigure(figsize=(7.0, 5.6), layout="constrained")
-    size, phase = figure.subplots(2, 1, sharex=True)
+    figure, (size, phase) = axes_of(ax, 2, (7.0, 5.6), "", sharex=True)
     size.loglog(hertz, np.abs(L), color=BLUE)
     size.axhline(1.0, color=GREY, linewidth=0.8)
     size.set_ylabel("|L|")
@@ -241,17 +245,17 @@ def plot_bode(hertz: Array, L: Complex, title: str) -> NotebookFigure:
     phase.axhline(-180.0, color=GREY, linewidth=0.8)
     phase.set_ylabel("phase [deg]")
     phase.set_xlabel("frequency [Hz]")
-    figure.suptitle(f"loop broken at {title}", parse_math=False)  # numbers on log axes are mathematics
+    size.set_title(f"loop broken at {title}", parse_math=False)  # numbers on log axes are mathematics
     for panel in (size, phase):
         panel.grid(alpha=0.3)
     return figure
 
 
 @literal
-def plot_nyquist(hertz: Array, L: Complex, title: str) -> NotebookFigure:
+def plot_nyquist(hertz: Array, L: Complex, title: str, ax: Given = None) -> NotebookFigure:
     """The loop in the complex plane near −1; `hertz` is not drawn."""
-    figure = NotebookFigure(figsize=(6.0, 6.0), layout="constrained")
-    panel = figure.subplots()
+    figure, (panel,) = axes_of(ax, 1, (6.0, 6.0), "")
+    panel.set_title(f"loop broken at {title}, {hertz[0]:.3g} … {hertz[-1]:.3g} Hz")
     panel.plot(L.real, L.imag, color=BLUE, label="L")
     panel.plot(L.real, -L.imag, color=BLUE, linewidth=0.8, linestyle="--", label="negative frequencies")
     panel.plot(-1.0, 0.0, "+", color=VERMILION, markersize=12, label="−1")
@@ -259,22 +263,22 @@ def plot_nyquist(hertz: Array, L: Complex, title: str) -> NotebookFigure:
     panel.set(xlim=(-3.0, 3.0), ylim=(-3.0, 3.0), aspect="equal", xlabel="Re L", ylabel="Im L")
     panel.grid(alpha=0.3)
     panel.legend(loc="upper right", fontsize="small")
-    figure.suptitle(f"loop broken at {title}, {hertz[0]:.3g} … {hertz[-1]:.3g} Hz")
     return figure
 
 
 @literal
 def plot_poles(
-    poles: Sequence[Sequence[complex]], *, sampled: bool, title: str, values: Sequence[float] = ()
+    poles: Sequence[Sequence[complex]], *, sampled: bool, title: str, values: Sequence[float] = (), ax: Given = None
 ) -> NotebookFigure:
     """Poles z inside or outside the unit circle, or s left or right of the axis; a root locus if there are `values`."""
-    figure = NotebookFigure(figsize=(6.6, 6.0), layout="constrained")
-    panel = figure.subplots()
+    figure, (panel,) = axes_of(ax, 1, (6.6, 6.0), "")
+    panel.set_title("poles of the closed loop" if values else title, fontsize="small")
     own = values or [float(k) for k in range(len(poles))]
     z = np.concatenate([np.asarray(each, complex) for each in poles])
     colour = np.concatenate([np.full(len(each), value) for each, value in zip(poles, own, strict=True)])
     both, colours = np.concatenate([z, z.conj()]), np.concatenate([colour, colour])
-    dots = panel.scatter(both.real, both.imag, c=colours if values else BLUE, s=14, cmap="viridis", zorder=3)
+    look = {"c": colours, "cmap": "viridis"} if values else {"color": BLUE}
+    dots = panel.scatter(both.real, both.imag, s=14, zorder=3, **look)
     if values:
         figure.colorbar(dots, ax=panel, label=title)
     if sampled:
@@ -284,7 +288,6 @@ def plot_poles(
         panel.axvline(0.0, color=GREY, linewidth=0.8)
         panel.set(xlabel="Re s [1/s]", ylabel="Im s [1/s]")
     panel.grid(alpha=0.3)
-    figure.suptitle("poles of the closed loop" if values else title, fontsize="small")
     return figure
 
 

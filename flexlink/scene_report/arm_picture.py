@@ -20,17 +20,17 @@ from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
 from flexlink.pages.style import WIDTH, legend_over
 from flexlink.results.pictures.view import View, views_of
 from flexlink.results.plotting import NotebookFigure as Figure
-from flexlink.results.plotting import literal
+from flexlink.results.plotting import axes_of, literal
 
 
-def plot_scene(scene: Scene) -> Figure:
+def plot_scene(scene: Scene, ax: Any = None) -> Figure:
     """Plot the arm in the initial state of the scene; errors are listed at `initial_state`."""
     chain = lump(open_chain(scene))
-    return plot_chain(chain, initial_state(scene, chain)[0], scene)
+    return plot_chain(chain, initial_state(scene, chain)[0], scene, ax)
 
 
 @literal
-def plot_chain(chain: Chain, q: ArrayLike | None, scene: Scene | None = None) -> Figure:
+def plot_chain(chain: Chain, q: ArrayLike | None, scene: Scene | None = None, ax: Any = None) -> Figure:
     """Plot the arm at the angles q (n,) [rad], with the scene's rods; without q at joints zero and springs relaxed."""
     q = chain.rest if q is None else np.asarray(q, dtype=float)
     placed, rods = frames(chain, q), np.zeros((0, 2, 3))
@@ -40,12 +40,12 @@ def plot_chain(chain: Chain, q: ArrayLike | None, scene: Scene | None = None) ->
     points, rails = placed.points, unslid(chain, placed.rotations, placed.points)
     seen = np.concatenate([of_arm(chain, points), rails[sliding_bodies(chain)], rods.reshape(-1, 3)])
     views = views_of(chain, seen)
-    figure, axes = panels(views, chain, seen)
+    figure, axes = panels(views, chain, seen, ax)
     for panel, view in zip(axes, views, strict=True):
         draw_arm(panel, view, points, chain, rails)
         for k, rod in enumerate(rods):
             panel.plot(*view.flat(rod), color=GREY, linewidth=1.6, zorder=2, label="" if k else "rods")
-    legend_over(axes[0], figure=figure)
+    legend_over(axes[0], figure=figure if ax is None else None)
     return figure
 
 
@@ -54,7 +54,7 @@ def of_arm(chain: Chain, points: Array) -> Array:
     return points[..., max(base_body(chain) - 1, 0) :, :]
 
 
-def panels(views: list[View], chain: Chain, points: Array) -> tuple[Figure, list[Axes]]:
+def panels(views: list[View], chain: Chain, points: Array, ax: Any = None) -> tuple[Figure, list[Axes]]:
     """Return one panel per view; all show these points (…, 3) at the same scale, and the base if it is fixed."""
     shown = points.reshape(-1, 3)
     if not base_body(chain):
@@ -66,12 +66,12 @@ def panels(views: list[View], chain: Chain, points: Array) -> tuple[Figure, list
         boxes.append((x.min() - margin, x.max() + margin, y.min() - margin, y.max() + margin))
     width = max(box[1] - box[0] for box in boxes)
     heights = [min(max((box[3] - box[2]) / width, 0.18), 1.3) for box in boxes]
-    figure = Figure(figsize=(WIDTH, 0.85 * WIDTH * sum(heights) + 0.75 * len(views)), layout="constrained")
-    axes = figure.subplots(len(views), 1, squeeze=False, height_ratios=heights)[:, 0]
+    size = WIDTH, 0.85 * WIDTH * sum(heights) + 0.75 * len(views)
+    figure, axes = axes_of(ax, len(views), size, "", height_ratios=heights)
     for view, panel, box in zip(views, axes, boxes, strict=True):
         panel.set(xlim=box[:2], ylim=box[2:], xlabel=view.labels[0], ylabel=view.labels[1])
         panel.set_aspect("equal", adjustable="box")
-    return figure, list(axes)
+    return figure, axes
 
 
 def draw_arm(axes: Axes, view: View, points: Array, chain: Chain, rails: Array | None = None) -> None:

@@ -9,6 +9,7 @@ from typing import cast
 import msgspec
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
@@ -107,6 +108,9 @@ def test_a_stiff_arm_gets_rigid_links_without_running_a_flexible_model() -> None
     assert all(link.flex == "rigid" for link in advice.scene.arm.links)
     assert advice.runs <= 6
     assert len(advice.plot().axes[0].lines) == 3
+    first, second = (figure := Figure()).subplots(1, 2)
+    assert advice.plot(ax=second) is figure
+    assert not first.has_data() and len(second.lines) == 3
 
 
 @pytest.mark.slow

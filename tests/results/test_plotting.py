@@ -1,5 +1,7 @@
 """Plots: every curve is readable, and no legend covers one."""
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -91,6 +93,25 @@ def test_postures_end_at_the_tip_and_loads_are_largest_where_the_moment_is(run: 
     assert M.get_xdata()[-1] == pytest.approx(2.5, rel=1e-6)  # length of the arm
     with refused(fl.errors.ArgumentError, "wrong-shape"):
         run.plot(what="loads", ax=Figure().subplots(1, 2))
+
+
+def test_every_plot_draws_into_the_axes_that_are_given() -> None:
+    hold = fl.Drive(kind="pd", kp=(9e3, 9e3), kd=(9e2, 9e2), target_deg=(0.0, 0.0), rate=1000.0)
+    scene = make_scene(flexible("a"), flexible("b"), drive=hold)
+    chain, loop = fl.lump(scene), fl.loop(scene)
+    found = fl.modes(chain, np.zeros(chain.n))
+    plots: dict[str, tuple[int, Callable[..., object]]] = {
+        "scene": (1, scene.plot), "chain": (1, chain.plot), "modes": (3, partial(found.plot, chain, count=3)),
+        "bode": (2, loop.plot), "nyquist": (1, partial(loop.plot, "nyquist")),
+        "poles": (1, partial(loop.plot, "poles")),
+    }  # fmt: skip
+    for name, (count, plot) in plots.items():
+        figure = Figure()
+        axes = figure.subplots(1, count + 1)
+        assert plot(ax=axes[:count]) is figure, name
+        assert [panel.has_data() for panel in axes] == [True] * count + [False], name
+        with refused(fl.errors.ArgumentError, "wrong-shape"):
+            plot(ax=axes)
 
 
 def test_panels_without_content_are_left_out() -> None:

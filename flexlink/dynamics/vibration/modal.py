@@ -115,13 +115,16 @@ class Modes(SavedResult):
         rows = list(zip(range(1, len(self.eigenvalues) + 1), *(c.tolist() for c in columns), strict=True))
         return html_table(repr(self), ("mode", "frequency [Hz]", "damping ratio", "Re λ [1/s]", "Im λ [1/s]"), rows)
 
-    def plot(self, chain: Chain, *, count: int = 8) -> Any:
+    def plot(self, chain: Chain, *, count: int = 8, ax: Any = None) -> Any:
         """Draw the first `count` modes as displaced arms, one panel each; `chain` is the chain of these modes.
 
-        Returns a matplotlib Figure, which a notebook displays.
+        Returns a matplotlib Figure, which a notebook displays; it is that of `ax`, axes to draw in, one for each mode,
+        or a new one.
 
         Raises
         ------
+        ArgumentError
+            There are more or fewer axes than modes.
         MissingDependencyError
             matplotlib is not installed.
 
@@ -130,7 +133,7 @@ class Modes(SavedResult):
         >>> picture = fl.modes(chain, q, locked=["upper", "fore"]).plot(chain, count=2)
         >>> picture.savefig("modes.png")
         """
-        return drawing_module("results.plotting").plot_modes(self, chain, count)
+        return drawing_module("results.plotting").plot_modes(self, chain, count, ax=ax)
 
     @property
     def frequencies(self) -> Array:

@@ -160,15 +160,20 @@ class Loop:
         q, t = self.about
         return loop(scene, control=self.control, rate=self.rate or None, delay=self.delay, q=q, t=t)
 
-    def plot(self, kind: str = "bode", input: int | str = 0) -> Any:
-        """Draw the loop broken at an input, "bode" or "nyquist", or its "poles"; return a matplotlib Figure."""
+    def plot(self, kind: str = "bode", input: int | str = 0, *, ax: Any = None) -> Any:
+        """Draw the loop broken at an input, "bode" or "nyquist", or its "poles"; return a matplotlib Figure.
+
+        It is that of `ax`, axes to draw in, two for "bode", else one, or a new one.
+        """
         require_one_of("kind", kind, dict.fromkeys(("bode", "nyquist", "poles")))
         drawing = drawing_module("results.plotting")
         if kind == "poles":
-            return drawing.plot_poles([[pole.z for pole in self.poles]], sampled=bool(self.rate), title=repr(self))
+            return drawing.plot_poles(
+                [[pole.z for pole in self.poles]], sampled=bool(self.rate), title=repr(self), ax=ax
+            )
         L = Response(self._open, self.law, self._number(input))
         ω = L.grid()
-        return getattr(drawing, f"plot_{kind}")(ω / (2 * np.pi), L(ω), title=self.inputs[self._number(input)])
+        return getattr(drawing, f"plot_{kind}")(ω / (2 * np.pi), L(ω), title=self.inputs[self._number(input)], ax=ax)
 
     def __repr__(self) -> str:
         how = f"{self.rate:g} Hz, {1e3 * self.delay:g} ms" if self.rate else "continuous"
