@@ -105,7 +105,7 @@ class Link(Spec, frozen=True):
     root_damping: Annotated[RootDamping | None, measured_in("N m s/rad")] = None
     """Damping of the springs in `root_stiffness` [N m s/rad]."""
     length: Annotated[NonNegative, measured_in("m")] = 0.0
-    """Length of the beam, along the link's x [m]; 0: no beam."""
+    """Length of the beam, along the link's x [m]. Default: that of its `curvature` or `twist` table, or 0, no beam."""
     line: Annotated[tuple[Vector3, Vector3] | None, measured_in("m")] = None
     """Start and end of the beam in the link's frame, [[x, y, z], [x, y, z]] [m], instead of `length`."""
     up: Vector3 | None = None
@@ -167,6 +167,8 @@ class Link(Spec, frozen=True):
         for axis in ROOT_AXES:
             if getattr(self.root_damping, axis, 0.0) and axis not in self.root_springs:
                 raise self._refused(f"root_damping.{axis}", f"needs a root_stiffness.{axis}", "needs-another-key")
+        if not self.length and self.line is None and self.dh is None:
+            msgspec.structs.force_setattr(self, "length", next(ends(self.curvature, self.twist), 0.0))
         length = self.beam.length
         if self.rest_shape is not None:
             self._check_curved(length)

@@ -13,13 +13,17 @@ T₀ + g_y y + g_z z with the expansion α strains the fibre (y, z) by α (g_y y
 
 import itertools
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Annotated, NamedTuple
 
+import msgspec
 import numpy as np
 
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import DataFileError, SceneError
 from flexlink.common.types import Array
-from flexlink.describe.spec import NonNegative, Spec, measured_in
+from flexlink.common.wording import both_given
+from flexlink.data.csv_table import read_csv
+from flexlink.describe.spec import NonNegative, Spec, Vector3, measured_in
 
 Row = tuple[float, ...]
 
@@ -38,15 +42,19 @@ class Along(NamedTuple):
 class _Table(Spec, frozen=True):
     """Columns along a beam."""
 
-    x: Annotated[tuple[NonNegative, ...], measured_in("m")]
+    x: Annotated[tuple[NonNegative, ...], measured_in("m")] = ()
     """Positions of the rows along the beam, from 0 at its root to its length [m]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        self._fill()
         check_rows(self, self.x)
         for name in self.__struct_fields__[1:]:
             if (column := getattr(self, name)) and len(column) != len(self.x):
                 raise self._refused(name, f"expected one number per row of x, {len(self.x)}", "one-per-row")
+
+    def _fill(self) -> None:
+        """Compute columns that are given in another form."""
 
     def along(self, column: Row) -> Along:
         """A column of the table, zero if it is not given."""
@@ -55,9 +63,10 @@ class _Table(Spec, frozen=True):
 
 
 class RestCurvature(_Table, frozen=True):
-    """Curvature of a link at rest as a table along it, such as a measured centre line.
+    """Curvature of a link at rest as a table along it, or that of a measured centre line through points.
 
-    Columns are linear between rows, and jump where two rows have the same x.
+    Columns are linear between rows, and jump where two rows have the same x. The centre line through points is a cubic
+    spline that begins along the beam's x, about which sections do not turn unless `link.twist` turns them.
 
     Examples
     --------
@@ -65,12 +74,37 @@ class RestCurvature(_Table, frozen=True):
     >>> bent = fl.lump(scene.varied({"link.upper.length": 1.0, "link.upper.curvature": hook}))
     >>> print(f"{np.degrees(bent.rest.sum()):.1f}")  # °
     85.9
+    >>> bow = {"points": [(x, 0.1 * x**2, 0.0) for x in np.linspace(0, 1, 9)]}
+    >>> link = fl.Link(name="bow", flex="z", segments=9, material="steel", section="pipe", curvature=bow)
+    >>> print(f"{link.length:.4f} m, {link.curvature.z[0]:.2f} 1/m at the root")
+    1.0066 m, 0.20 1/m at the root
     """
 
     y: Annotated[Row, measured_in("1/m")] = ()
     """Curvature about the section's y [1/m]; positive bends away from its z. Default: 0."""
     z: Annotated[Row, measured_in("1/m")] = ()
     """Curvature about the section's z [1/m]; positive bends towards its y. Default: 0."""
+    points: Annotated[tuple[Vector3, ...], measured_in("m")] = ()
+    """Points of the centre line instead of columns, in axes of the beam's root from (0, 0, 0) on, at least four [m]."""
+    file: str | None = None
+    """A CSV file of such points, with columns x, y and z and their units, relative to the scene's folder."""
+
+    def _fill(self) -> None:
+        given = [name for name in ("file", "points", "x", "y", "z") if getattr(self, name)]
+        if given[:1] not in (["file"], ["points"]):
+            return
+        if given[1:]:
+            raise both_given(given[0], getattr(self, given[0]), given[1])
+        points = np.array(self.points)
+        if self.file is not None:
+            try:
+                table = read_csv(Path(self.file))
+                points = np.column_stack([table.column(axis, "m") for axis in "xyz"])
+            except DataFileError as error:
+                raise DataFileError(f"file = {self.file!r}: {str(error).removeprefix(f'{self.file}: ')}") from None
+        found = curvature_through(points)
+        for name, column in zip(("x", "y", "z", "points", "file"), (*found, (), None), strict=True):
+            msgspec.structs.force_setattr(self, name, column)
 
 
 class RestTwist(_Table, frozen=True):
@@ -109,6 +143,46 @@ class ThermalGradient(Spec, frozen=True):
         """Curvature about the section's y and z [1/m]."""
         along_y, along_z = self.gradient if isinstance(self.gradient, tuple) else (self.gradient, 0.0)
         return self.expansion * along_z, -self.expansion * along_y
+
+
+def curvature_through(points: Array) -> list[Row]:
+    """Positions s along a cubic spline through points (k, 3) that begins along x, and its κ_y and κ_z there.
+
+    Sections do not turn about the tangent t, so t' = κ_z e_y − κ_y e_z; their axes follow from double reflections (Wang
+    et al. 2008, ACM Trans. Graph. 27, 2).
+    """
+    from scipy.interpolate import CubicSpline  # noqa: PLC0415  slow to import: 0.1 s
+
+    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    if len(points) < 4 or points[0].any() or not chords.all():
+        text = f"points: {len(points)} from {points[:1].tolist()}: expected at least four, from (0, 0, 0) on"
+        raise SceneError(f"{text}, no two equal", id="centre-line")
+    knots, x = np.append(0.0, np.cumsum(chords)), np.eye(3)[0]
+    begins = CubicSpline(knots, points)(0.0, 1)
+    off = np.degrees(np.arccos(np.clip(begins[0] / np.linalg.norm(begins), -1.0, 1.0)))
+    if off > 5.0:  # more than a spline through few points errs
+        text = f"points begin {off:.3g}° from x, along which the beam begins; turn them, or the link by its mount"
+        raise SceneError(text, id="centre-line")
+    line, parts = CubicSpline(knots, points, bc_type=((1, x), "not-a-knot")), 16
+    u = np.interp(np.arange((len(points) - 1) * parts + 1) / parts, np.arange(len(points)), knots)
+    gauss, weights = np.polynomial.legendre.leggauss(4)
+    speeds = np.linalg.norm(line(u[:-1, None] + np.diff(u)[:, None] * (gauss + 1) / 2, 1), axis=2)
+    s = np.append(0.0, np.cumsum(speeds @ weights / 2 * np.diff(u)))
+    r, rate = line(u), line(u, 1)
+    t = rate / np.linalg.norm(rate, axis=1, keepdims=True)
+    bends = line(u, 2) / (rate**2).sum(axis=1, keepdims=True)  # t' and a part along t
+    y = np.tile(np.eye(3)[1], (len(u), 1))
+    for k in range(len(u) - 1):
+        y[k + 1] = _mirrored(y[k], r[k + 1] - r[k])
+        y[k + 1] = _mirrored(y[k + 1], t[k + 1] - _mirrored(t[k], r[k + 1] - r[k]))
+    found = s, -(bends * np.cross(t, y)).sum(axis=1), (bends * y).sum(axis=1)
+    return [tuple(column.tolist()) for column in found]
+
+
+def _mirrored(v: Array, normal: Array) -> Array:
+    """A vector v behind the mirror that is perpendicular to a normal."""
+    square = normal @ normal
+    return v - (2.0 * (normal @ v) / square if square else 0.0) * normal
 
 
 Curvature = RestCurvature | float | tuple[float, float]

@@ -4,6 +4,7 @@ The rod and the arch share no model and no code with the chain: SciPy integrates
 """
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,9 @@ from scipy.linalg import eigh
 
 import flexlink as fl
 from flexlink.chain.rest_angles import rotations
-from flexlink.describe.rest_shape import Along
+from flexlink.describe.rest_shape import Along, RestCurvature
 from flexlink.describe.schemes.lumping_rules import lumping_rule
+from flexlink.dynamics.placement import frames
 from flexlink.dynamics.sensors.signals import placement_of
 from tests.support.beams import THIN, rod, thin_arm, thin_link
 from tests.support.words import refused
@@ -70,6 +72,50 @@ def test_a_quarter_circle_unrolls_as_the_rod(rule: str, hinges: int, largest: fl
     coarse, fine = (np.linalg.norm(bent_tip(chain, force) - truth) for chain in chains)
     assert coarse <= largest
     assert np.log2(coarse / fine) == pytest.approx(order, abs=0.1)
+
+
+def helix(count: int) -> Array:
+    """Points of a helix, in axes of its beginning: x along it, y towards its axis."""
+    a, R, rise = np.linspace(0, 3, count), 0.3, 0.1
+    x = np.array([R, 0, rise]) / np.hypot(R, rise)
+    y = np.array([0, 1, 0])
+    return np.column_stack([R * np.sin(a), R * (1 - np.cos(a)), rise * a]) @ np.array([x, y, np.cross(x, y)]).T
+
+
+def test_a_link_at_rest_follows_the_measured_points_of_its_centre_line(tmp_path: Path) -> None:
+    points = helix(31)
+    np.savetxt(tmp_path / "line.csv", points, delimiter=",", header="x [m],y [m],z [m]", comments="")
+    read = RestCurvature(file=str(tmp_path / "line.csv"))
+    measured = RestCurvature(points=points)
+    assert read == measured
+    assert measured.x[-1] == pytest.approx(3 * np.hypot(0.3, 0.1), rel=1e-6)
+    errors, fine = [], helix(60_001)
+    for hinges in (30, 60):
+        one = replace(link("gauss", hinges, "xyz"), length=0.0, curvature=measured)
+        assert one.length == measured.x[-1]
+        chain = fl.lump(scene_of(one))
+        off = [np.linalg.norm(fine - point, axis=1).min() for point in frames(chain, chain.rest).points]
+        errors.append(max(off))
+        assert np.linalg.norm(fl.tip_position(chain, chain.rest) - points[-1]) < 1.1 * errors[-1]
+    assert errors[1] < 8e-5
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)
+
+
+def test_centre_lines_that_are_none_are_refused(tmp_path: Path) -> None:
+    points = helix(31)
+    wrong: tuple[tuple[str, dict[str, Any]], ...] = (
+        ("centre-line", {"points": points[:3]}), ("centre-line", {"points": points + 1.0}),
+        ("centre-line", {"points": np.repeat(points, 2, axis=0)}), ("centre-line", {"points": points[:, ::-1]}),
+        ("both-given", {"points": points, "z": (1.0,)}), ("both-given", {"points": points, "file": "line.csv"}),
+    )  # fmt: skip
+    for id, given in wrong:
+        with refused(fl.errors.SceneError, id):
+            RestCurvature(**given)
+    (tmp_path / "line.csv").write_text("x [m],y [m]\n0,0\n", encoding="utf-8")
+    with refused(fl.errors.DataFileError, "no-such-column"):
+        RestCurvature(file=str(tmp_path / "line.csv"))
+    with refused(fl.errors.SceneError, "rigidity-table"):
+        replace(link("gauss", 4), curvature=RestCurvature(points=points))
 
 
 SPACE = {"curvature": (1.0, 2.0), "twist": 2.0}
