@@ -20,7 +20,6 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.output import make_folder, write_whole
 from flexlink.common.types import Array
 from flexlink.data.documents import shown_path
-from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.describe.tie import refuse_ties
 from flexlink.formats import FORMATS
@@ -44,7 +43,7 @@ def run_command(options: argparse.Namespace) -> int:
             if code:
                 refuse_ties(scene.ties, "C code, CasADi code and FMUs have no ties")
             chain, state = _chain_and_state(path, scene, options, notes)
-            texts |= {target: write(chain, state, scene.run) for target, write in code.items()}
+            texts |= {target: write(chain, state, scene) for target, write in code.items()}
         for name in _formats(options):
             target = options.out / (path.stem + FORMATS[name].ending)
             if target in texts:
@@ -78,8 +77,8 @@ def _code_writers(options: argparse.Namespace) -> dict[Path, Callable[..., str |
         text = f"--out {options.out}: files are named after the scenes; give their folder, --out {options.out.parent}"
         raise ArgumentError(text, id="unknown-format")
 
-    def fmu(chain: Chain, state: tuple[Array, Array], run: RunSettings) -> bytes:
-        how = {"fmi": options.fmi, "binary": not options.no_binary}
+    def fmu(chain: Chain, state: tuple[Array, Array], scene: Scene) -> bytes:
+        how, run = {"fmi": options.fmi, "binary": not options.no_binary, "scene": scene}, scene.run
         return to_fmu(chain, state, sample=run.between, duration=run.duration or 1.0, **how)
 
     known: tuple[tuple[Path | None, Callable[..., str | bytes], str, str], ...] = (

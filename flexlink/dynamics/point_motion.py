@@ -46,7 +46,7 @@ class BodyMotion(NamedTuple):
 def body_motion(chain: Chain, q: Array, qd: Array, qdd: Array) -> BodyMotion:
     """Motion of every body at one state (n,) of validated arguments; not finite if it overflows float64."""
     R, p, axes = forward_kinematics(chain.arrays, q)
-    return _moving(chain, R, p, axes, qd, qdd)
+    return motion_of_bodies(chain, R, p, axes, qd, qdd)
 
 
 def body_motions(chain: Chain, q: Array, qd: Array, qdd: Array) -> BodyMotion:
@@ -55,11 +55,11 @@ def body_motions(chain: Chain, q: Array, qd: Array, qdd: Array) -> BodyMotion:
     axes = np.empty((chain.n, len(q), 3))
     for k, angles in enumerate(q):
         R[:, k], p[:, k], axes[:, k] = forward_kinematics(chain.arrays, angles)
-    return _moving(chain, R, p, axes, qd.T, qdd.T)
+    return motion_of_bodies(chain, R, p, axes, qd.T, qdd.T)
 
 
-def _moving(chain: Chain, R: Array, p: Array, axes: Array, qd: Array, qdd: Array) -> BodyMotion:
-    """Motion of bodies and hinges, given their positions, and rates and accelerations (n,) or (n, b)."""
+def motion_of_bodies(chain: Chain, R: Array, p: Array, axes: Array, qd: Array, qdd: Array) -> BodyMotion:
+    """Motion of bodies and hinges, given their positions, and rates and accelerations (n,) or (n, b), of any type."""
     spans, rest = spans_of(chain.bodies), np.zeros(p.shape[1:])
     with np.errstate(over="ignore", invalid="ignore"):
         turned, faster = axes * qd[..., None], axes * qdd[..., None]
@@ -79,7 +79,7 @@ def _moving(chain: Chain, R: Array, p: Array, axes: Array, qd: Array, qdd: Array
 
 def _after_hinges(chain: Chain, spans: list[Branch], terms: Array) -> tuple[Array, Array]:
     """Sums of hinge terms (n, …, 3) along the arm, from the base to just before each hinge, and to each body."""
-    before, at = np.empty_like(terms), np.empty((len(chain.bodies), *terms.shape[1:]))
+    before, at = np.empty_like(terms), np.empty((len(chain.bodies), *terms.shape[1:]), terms.dtype)
     first, stop = chain.bodies["first"], chain.bodies["stop"]
     for parent, begin, end in spans:
         start = at[parent] if parent >= 0 else np.zeros(terms.shape[1:])
@@ -150,7 +150,9 @@ def point_motion(
         found = motion_in_body(chain, *rows(n, {"q": q, "qd": qd, "qdd": qdd}), body=i, point=axes @ offset)
         return dataclasses.replace(found, accelerometer=found.accelerometer @ axes, gyroscope=found.gyroscope @ axes)
     q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
-    position, velocity, acceleration, seen, spin = _of_point(chain, body_motion(chain, q, qd, qdd), i, axes @ offset)
+    position, velocity, acceleration, seen, spin = of_point(
+        body_motion(chain, q, qd, qdd), i, axes @ offset, chain.gravity
+    )
     if not is_finite(np.concatenate([position, velocity, acceleration, seen, spin])):
         raise _overflow(chain, q, qd, qdd, offset)
     return PointMotion(position, velocity, acceleration, seen @ axes, spin @ axes)
@@ -165,20 +167,20 @@ def motion_in_body(chain: Chain, q: Array, qd: Array, qdd: Array, *, body: int, 
     found = np.empty((len(PointMotion.__dataclass_fields__), len(q), 3))
     for start in range(0, len(q), BATCH):
         part = slice(start, start + BATCH)
-        found[:, part] = _of_point(chain, body_motions(chain, q[part], qd[part], qdd[part]), body, point)
+        found[:, part] = of_point(body_motions(chain, q[part], qd[part], qdd[part]), body, point, chain.gravity)
     for k in np.flatnonzero(~np.isfinite(found).all(axis=(0, 2)))[:1].tolist():
         raise about_state(k, _overflow(chain, q[k], qd[k], qdd[k], point @ chain.described["link"][body]))
     return PointMotion(*found)
 
 
-def _of_point(chain: Chain, moving: BodyMotion, i: int, offset: Array) -> tuple[Array, ...]:
+def of_point(moving: BodyMotion, i: int, offset: Array, gravity: Array) -> tuple[Array, ...]:
     """The fields of `PointMotion`, each (3,), or (b, 3)."""
     R, ω, α = moving.rotations[i], moving.angular_velocity[i], moving.angular_acceleration[i]
     c = R[..., 0] * offset[0] + R[..., 1] * offset[1] + R[..., 2] * offset[2]
     with np.errstate(over="ignore", invalid="ignore"):
         velocity = moving.velocity[i] + cross(ω, c)
         acceleration = moving.acceleration[i] + cross(α, c) + cross(ω, cross(ω, c))
-        seen, spin = (_in_axes_of(R, part) for part in (acceleration - chain.gravity, ω))
+        seen, spin = (_in_axes_of(R, part) for part in (acceleration - gravity, ω))
         return moving.points[i] + c, velocity, acceleration, seen, spin
 
 

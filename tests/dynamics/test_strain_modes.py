@@ -184,12 +184,12 @@ def test_advice_for_control_finds_fewer_coordinates_at_the_same_error() -> None:
     soft = fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied(
         {"material.aluminium.young": 70e7, "run.duration": 0.5, "run.sample": 0.02, "run.step": None}
     )
-    advice = fl.advise(soft, "1 mm", measure="control")
+    advice = fl.advise(soft, "0.3 mm", measure="control")
     fine = {"link.upper.segments": 33, "link.fore.segments": 33, "run.method": "auto", "run.tolerance": 1e-6}
     truth = fl.simulate(soft.varied(fine)).tip
     assert advice.met
-    assert np.linalg.norm(fl.simulate(advice.scene).tip - truth, axis=1).max() <= advice.error <= 1e-3
-    assert fl.lump(advice.scene).freedoms <= 0.7 * fl.lump(fl.advise(soft, "1 mm").scene).n
+    assert np.linalg.norm(fl.simulate(advice.scene).tip - truth, axis=1).max() <= advice.error <= 3e-4
+    assert fl.lump(advice.scene).freedoms <= 0.7 * fl.lump(fl.advise(soft, "0.3 mm").scene).n
 
 
 @pytest.mark.slow

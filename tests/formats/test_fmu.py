@@ -11,9 +11,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 import flexlink as fl
 from flexlink.cli.main import main
+from flexlink.describe.sensor import column_names
 from flexlink.dynamics.free_motion import all_motions
 from flexlink.errors import ArgumentError, MissingDependencyError
 from flexlink.formats.code.fmu import _base_of, _split
@@ -45,7 +47,7 @@ class Opened:
     def __init__(self, scene: fl.Scene, folder: Path, fmi: int = 3) -> None:
         self.fmpy, self.fmi, self.path = pytest.importorskip("fmpy"), fmi, folder / "arm.fmu"
         self.chain = fl.Problem(scene).chain  # open, if the scene has ties
-        self.path.write_bytes(fl.to_fmu(self.chain, fl.initial_state(scene, self.chain), fmi=fmi))
+        self.path.write_bytes(fl.to_fmu(self.chain, fl.initial_state(scene, self.chain), fmi=fmi, scene=scene))
         self.description = self.fmpy.read_model_description(self.path)
         self.numbers = {each.name: each.valueReference for each in self.description.modelVariables}
         rates = [each for each in self.description.modelVariables if each.derivative is not None]
@@ -265,3 +267,61 @@ def test_the_export_command_writes_fmus(tmp_path: Path) -> None:
     assert main(["export", str(path), "--fmu", str(tmp_path / "arm.fmu"), "--no-binary", "--fmi", "2"]) == 0
     description = zipfile.ZipFile(tmp_path / "arm.fmu").read("modelDescription.xml").decode()
     assert re.search(r'fmiVersion="(.*?)"', description)[1] == "2.0"
+
+
+SENSORS = (
+    fl.Sensor(name="gauge", kind="strain", link="a", x=0.1, fibre=(0.02, 0.0), gain=1e6, unit="µm/m", bias=3.0),
+    fl.Sensor(name="encoder", kind="joint", link="b b", resolution=0.1, delay=0.01),
+    fl.Sensor(name="drive", kind="current", link="a", torque_constant=2.0, low_pass=10.0),
+    fl.Sensor(name="imu", kind="accelerometer", link="b b", point=(0.3, 0.01, 0.02), noise=1.0),
+    fl.Sensor(name="gyro", kind="gyroscope", link="a", axis=(0.0, 1.0, 1.0)),
+    fl.Sensor(name="seen", kind="position", link="b b", x=0.2),
+)
+
+
+@pytest.mark.slow
+@needs_a_compiler
+@pytest.mark.parametrize("modes", [None, 1])
+def test_outputs_are_signals_of_sensors_without_their_instruments(modes: int | None, tmp_path: Path) -> None:
+    validation = pytest.importorskip("fmpy.validation")
+    scene = arm(modes).varied({"sensor": SENSORS})
+    plain = tuple(replace(each.ideal, gain=1.0, unit=None, bias=0.0, delay=0.0, low_pass=None) for each in SENSORS)
+    run = fl.simulate(scene.varied({"sensor": plain}))
+    assert validation.validate_fmu(str(Opened(scene, tmp_path, fmi=2).path)) == []
+    opened = Opened(scene, tmp_path)
+    assert validation.validate_fmu(str(opened.path)) == []
+    names = [each.name for each in opened.description.modelVariables if each.description == "signal of a sensor"]
+    assert names == ["gauge", "encoder", "drive", *(f"{kind}.{axis}" for kind in ("imu",) for axis in "xyz"), "gyro",
+                     "seen.x", "seen.y", "seen.z"]  # fmt: skip
+    one, signals, by = opened.instance(), [opened.numbers[name] for name in names], [*opened.states, *opened.inputs]
+    one.setFloat64(opened.inputs[:5], [*TORQUE, *FORCE])
+    wanted = np.array([run.columns[name] for name in column_names(plain, scene.arm)])
+    size = np.abs(wanted).max(axis=1)
+    Φ = all_motions(run.chain)
+    for k in (0, 7, 20):
+        z, zd = (np.linalg.lstsq(Φ, each[k], rcond=None)[0] for each in (run.q, run.qd))
+        one.setFloat64(opened.states, [*z, *zd])
+        assert (np.abs(one.getFloat64(signals) - wanted[:, k]) <= 1e-10 * size).all()
+    x, step = np.array(one.getFloat64(by)), 1e-5
+    for j, each in enumerate(by):
+        sides = []
+        for side in (step, -step):
+            one.setFloat64([each], [x[j] + side])
+            sides.append(np.array(one.getFloat64(signals)))
+        one.setFloat64([each], [x[j]])
+        exact = np.array(one.getDirectionalDerivative(signals, [each], [1.0]))
+        assert np.abs((sides[0] - sides[1]) / (2 * step) - exact).max() <= 1e-6 * max(np.abs(exact).max(), 1.0)
+
+
+def test_sensors_that_no_fmu_has_are_refused() -> None:
+    scene = arm().varied({"sensor": SENSORS})
+    chain = fl.lump(scene)
+    state = fl.initial_state(scene, chain)
+    cell = scene.varied({"link.a": replace(scene.arm.links[0], flex="xyz", segments=7, lumping="gauss_rotation")})
+    still = fl.PrescribedMotion(link="a", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
+    moved = scene.varied({"drive": fl.Drive(), "motion": (still,), "sensor": SENSORS[1:], "initial": fl.InitialState()})
+    with refused(ArgumentError, "chains-differ"):
+        fl.to_fmu(chain, state, scene=scene.varied({"link.a.segments": 4}))
+    for each, wrong in ((cell, "not-representable"), (moved, "not-representable")):
+        with refused(fl.errors.SceneError, wrong):
+            fl.to_fmu(fl.lump(each), fl.initial_state(each, fl.lump(each)), scene=each, binary=False)

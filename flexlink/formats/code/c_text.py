@@ -82,9 +82,9 @@ def step_function(model: Model) -> str:
     return f"#define {name.upper()}_FREEDOMS {m}\n\n{implicit}\n\n{template('step.c', name)}"
 
 
-def slopes_by_rows(model: Model, values: Sequence[Real]) -> list[Real]:
-    """Derivatives of values with respect to x and u, row by row."""
-    columns = model.tape.slopes(values, (*model.x, *model.u))
+def slopes_by_rows(model: Model, values: Sequence[Real], held: Iterable[Number] = ()) -> list[Real]:
+    """Derivatives of values with respect to x, u and held numbers, row by row."""
+    columns = model.tape.slopes(values, (*model.x, *model.u, *held))
     return [*itertools.chain.from_iterable(zip(*columns, strict=True))]
 
 

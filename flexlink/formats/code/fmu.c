@@ -67,11 +67,11 @@ static int advance(State *now, double t, double length)
     return OK;
 }
 
-/* Derivatives of unknowns in the direction `seed` of the knowns: M dv' = N (dx, du), dy = S (dx, du). */
+/* Derivatives of unknowns in the direction `seed` of the knowns: M dv' = N (dx, du), dy = S (dx, du, dv'). */
 static int directional(const State *now, const Reference *unknowns, size_t rows, const Reference *knowns,
                        size_t columns, const double *seed, double *found)
 {
-    double M[NV * NV], N[NV * NW], S[NY * NW], along[NW] = {0.0}, rate[NX] = {0.0}, y[NY] = {0.0};
+    double M[NV * NV], N[NV * NW], S[NY * (NW + NV)], along[NW] = {0.0}, rate[NX] = {0.0}, y[NY] = {0.0};
     for (size_t k = 0; k < columns; k++) {
         const Reference r = knowns[k];
         if (r == TIME || r >= DX) return ERROR;
@@ -82,10 +82,12 @@ static int directional(const State *now, const Reference *unknowns, size_t rows,
     memcpy(rate, along + NV, sizeof(double) * NV);
     for (int j = 0; j < NW; j++) {
         for (int i = 0; i < NV; i++) rate[NV + i] += N[i * NW + j] * along[j];
-        for (int i = 0; i < NY; i++) y[i] += S[i * NW + j] * along[j];
+        for (int i = 0; i < NY; i++) y[i] += S[i * (NW + NV) + j] * along[j];
     }
     NAME_factor(M);
     NAME_solve(M, rate + NV);
+    for (int j = 0; j < NV; j++)
+        for (int i = 0; i < NY; i++) y[i] += S[i * (NW + NV) + NW + j] * rate[NV + j];
     for (size_t k = 0; k < rows; k++) {
         const Reference r = unknowns[k];
         if (r < X || r >= STEP) return ERROR;

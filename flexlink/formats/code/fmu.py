@@ -29,15 +29,17 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import MissingDependencyError
 from flexlink.common.types import Array
 from flexlink.common.versions import __version__
+from flexlink.describe.scene import Scene
 from flexlink.dynamics.free_motion import input_names, state_names
 from flexlink.formats.code.c_text import function, head, in_blocks, slopes_by_rows, step_function, template
 from flexlink.formats.code.model import Model, extra_inputs, model_of, name_of
-from flexlink.formats.code.tape import Real
+from flexlink.formats.code.sensors import signals_of
+from flexlink.formats.code.tape import Number, Real
 
 
 def to_fmu(
     chain: Chain, initial: tuple[ArrayLike, ArrayLike], *, fmi: int = 3, sample: float = 0.005, duration: float = 1.0,
-    binary: bool = True,
+    binary: bool = True, scene: Scene | None = None,
 ) -> bytes:  # fmt: skip
     """Equations of motion of an arm as an FMU for Model Exchange and Co-Simulation.
 
@@ -45,7 +47,8 @@ def to_fmu(
     moment on the tip in frame 0. Outputs are angles and rates of these joints, position and rotation matrix of the
     tip. Gravity, a point mass added at the tip, `payload` [kg], and factors of `stiffness` and `damping` of all other
     hinges may change between steps. Co-Simulation uses the implicit `arm_step` of `to_c`, in equal steps of at most
-    the parameter `step`, initially a tenth of `sample`. Drives and loads of a scene are not in the FMU.
+    the parameter `step`, initially a tenth of `sample`. Drives and loads of a scene are not in the FMU. Signals of its
+    sensors are outputs, in SI units and without the effects of the instruments: gain, bias, delay, filters, noise.
 
     Parameters
     ----------
@@ -57,6 +60,8 @@ def to_fmu(
         Step of communication and duration that the FMU proposes [s].
     binary
         Whether the archive contains, besides its sources, a library for this computer, which takes a C compiler.
+    scene
+        The scene of the chain, for its sensors.
 
     Returns
     -------
@@ -66,7 +71,9 @@ def to_fmu(
     Raises
     ------
     ArgumentError
-        The code is too long, `fmi` is not 2 or 3, or an argument has a wrong shape.
+        The code is too long, `fmi` is not 2 or 3, an argument has a wrong shape, or the scene is that of another arm.
+    SceneError
+        The signal of a sensor is not in FMUs.
     MissingDependencyError
         `binary`, and there is no C compiler, or it fails.
 
@@ -82,9 +89,10 @@ def to_fmu(
     q, qd = state("initial", initial, chain.n)
     rest, back = (0.0, np.eye(chain.n)) if chain.shapes is None else (chain.rest, chain.shapes.inverse.T)
     x, step = np.append(back @ (q - rest), back @ qd), positive("sample", sample) / 10
-    source, token = _source(model, fmi, x, known, step)
+    sensed, held = signals_of(model, scene)
+    source, token = _source(model, fmi, x, known, step, [*sensed.values()], held)
     experiment = {"startTime": "0.0", "stopTime": repr(positive("duration", duration)), "stepSize": repr(float(sample))}
-    described = _description(chain, fmi, token, _variables(model, x, known, step), experiment)
+    described = _description(chain, fmi, token, _variables(model, x, known, step, sensed), experiment)
     files = {"modelDescription.xml": described, f"sources/{name}.c": source.encode()}
     if fmi == 3:
         files["sources/buildDescription.xml"] = (
@@ -101,10 +109,12 @@ def to_fmu(
     return stream.getvalue()
 
 
-def _source(model: Model, fmi: int, x: Array, u: Array, step: float) -> tuple[str, str]:
+def _source(
+    model: Model, fmi: int, x: Array, u: Array, step: float, sensed: list[Real], held: list[Number]
+) -> tuple[str, str]:
     """The C file and the token that the FMU checks, a hash of the file."""
-    name, outputs = name_of(model.chain), [*model.tip, *model.turned]
-    slopes = in_blocks(model, f"{name}_output_slopes", {"S": slopes_by_rows(model, outputs)}, "static ")
+    name, outputs = name_of(model.chain), [*model.tip, *model.turned, *sensed]
+    slopes = in_blocks(model, f"{name}_output_slopes", {"S": slopes_by_rows(model, outputs, held)}, "static ")
     begin = ", ".join(["0.0", repr(step), *("{" + ", ".join(map(repr, values.tolist())) + "}" for values in (x, u))])
     words = {"START": begin, "fmiN": f"fmi{fmi}", "Flag": "bool", "RATES": "GetContinuousStateDerivatives"}
     if fmi == 2:
@@ -155,7 +165,7 @@ class Variable(NamedTuple):
         return "calculated" if self.start is None else "exact"
 
 
-def _variables(model: Model, x: Array, u: Array, step: float) -> list[Variable]:
+def _variables(model: Model, x: Array, u: Array, step: float, sensed: dict[str, Real]) -> list[Variable]:
     """All variables, in the order of the value references of fmu.c."""
     chain, m, inputs = model.chain, model.chain.freedoms, len(model.chain.active) + 6
     joints, first = {chain.joint_name(k) for k in chain.active}, 1 + len(u)
@@ -181,6 +191,8 @@ def _variables(model: Model, x: Array, u: Array, step: float) -> list[Variable]:
                    depends=depends(model.rate[k])) for k, (name, unit) in enumerate(states)),
         *(Variable(label, text, "output", depends=depends(value)) for label, text, value
           in zip(_split(tip), about, [*model.tip, *model.turned], strict=True)),
+        *(Variable(label, "signal of a sensor", "output", depends=depends(value)) for label, value
+          in zip(_split(sensed), sensed.values(), strict=True)),
         Variable(("step", "s"), longest, "parameter", step, "fixed"),
     ]  # fmt: skip
 

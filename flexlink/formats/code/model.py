@@ -75,7 +75,7 @@ def model_of(chain: Chain, *, extra: bool = False) -> Model:
     """Equations of motion of a chain, on request with the `extra_inputs`."""
     tape, m, joints = Tape(), require_type("chain", chain, Chain).freedoms, first_joints(chain, np.arange(chain.n))
     x, u = [tape.input() for _ in range(2 * m)], [tape.input() for _ in chain.active]
-    q, qd, tau, qdd = _state(chain, x, u)
+    q, qd, tau, qdd = state_of(chain, x, u)
     more = [tape.input() for _ in extra_inputs() if extra]
     arrays, wrench = _with_parameters(chain, more[6:]), np.array(more[:6] or np.zeros(6), object)
     if chain.shapes is None:
@@ -112,7 +112,7 @@ def _of_objects(records: NDArray[np.void]) -> NDArray[np.void]:
     return records.astype(np.dtype((np.record, np.dtype(fields))))
 
 
-def _state(chain: Chain, x: list[Number], u: list[Number]) -> tuple[Objects, Objects, Objects, Objects]:
+def state_of(chain: Chain, x: list[Number], u: list[Number]) -> tuple[Any, Any, Any, Any]:
     """Angles, rates, torques and given accelerations of all joints."""
     Φ, m, given, inputs = all_motions(chain), chain.freedoms, chain.held, np.zeros(chain.n, object)
     inputs[chain.active] = u[: len(chain.active)]
@@ -130,7 +130,7 @@ def implicit_of(model: Model) -> tuple[Indices, Objects, Objects, Objects]:
     free = np.flatnonzero(~chain.held[first_joints(chain, np.arange(chain.n))])
     rate = np.array(model.rate, object)
     rate[m + free] = [tape.hold(each) for each in rate[m + free]]
-    net = _net_torques(model, *_state(chain, model.x, model.u)[:3], all_motions(chain) @ rate[m:])[free].tolist()
+    net = _net_torques(model, *state_of(chain, model.x, model.u)[:3], all_motions(chain) @ rate[m:])[free].tolist()
     M = -np.array(tape.slopes(net, rate[m + free]), object)
     N, known = (np.array(tape.slopes(rows, by), object).T for rows in (net, rate.tolist()))
     return m + free, M, N.reshape(len(free), len(by)), known
