@@ -150,9 +150,8 @@ def point_motion(
         found = motion_in_body(chain, *rows(n, {"q": q, "qd": qd, "qdd": qdd}), body=i, point=axes @ offset)
         return dataclasses.replace(found, accelerometer=found.accelerometer @ axes, gyroscope=found.gyroscope @ axes)
     q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
-    position, velocity, acceleration, seen, spin = of_point(
-        body_motion(chain, q, qd, qdd), i, axes @ offset, chain.gravity
-    )
+    moving = body_motion(chain, q, qd, qdd)
+    position, velocity, acceleration, seen, spin = of_point(moving, i, axes @ offset, chain.gravity)
     if not is_finite(np.concatenate([position, velocity, acceleration, seen, spin])):
         raise _overflow(chain, q, qd, qdd, offset)
     return PointMotion(position, velocity, acceleration, seen @ axes, spin @ axes)
