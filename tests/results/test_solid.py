@@ -83,7 +83,7 @@ def test_shapes_are_where_mujoco_moves_them_in_its_own_model_of_the_file(robot: 
     run, film = filmed(scene)
     shapes = solid.shapes_of(path, scene, run.chain)
     model = shapes.spec.compile()
-    assert model.ngeom == 5
+    assert (model.geom_group == solid.SEEN).sum() == 5
     data = mujoco.MjData(model)
     for k, t in enumerate(film.t):
         row = int(np.argmin(abs(run.t - t)))
@@ -221,3 +221,39 @@ def test_the_sky_the_planes_and_the_sites_of_a_file_are_not_drawn_and_materials_
     assert (drawn.model.vis.map.znear, int(drawn.model.ntex)) == (pytest.approx(0.01), 1)
     (seen_through,) = drawn.model.geom_rgba[drawn.of_file[shapes.bends]]
     assert seen_through == pytest.approx([0.0, 1.0, 0.0, 0.35])
+
+
+def test_shapes_wider_than_the_arm_are_inside_the_picture_also_where_no_screen_opens(robot: Path, monkeypatch) -> None:
+    wide = RED.replace("0.05 0.05 0.05", "0.05 0.9 0.7")
+    robot.write_text(robot.read_text().replace(RED, wide))
+    scene = fl.import_urdf(robot).scene
+    run, film = filmed(scene)
+    monkeypatch.setenv("DISPLAY", ":77")
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    try:
+        drawing = solid.Rendering(film, 480, solid.shapes_of(robot, scene, run.chain))
+    except EngineError as error:
+        pytest.skip(str(error))
+    for k in range(len(film.t)):
+        picture = drawing.image(k)[54 : 54 + drawing.scene_height].astype(int)
+        red = (picture[..., 0] > 90) & (picture[..., 1:].max(axis=2) < 40)
+        assert red.sum() > 1000
+        assert not (red[0].any() or red[-1].any() or red[:, 0].any() or red[:, -1].any())
+
+
+def test_a_body_of_mjcf_without_visual_shapes_shows_those_that_touch_and_pairs_may_name_hidden_ones(
+    robot: Path,
+) -> None:
+    path = as_mjcf(robot)
+    spec = mujoco.MjSpec.from_file(str(path))
+    hidden, touching = spec.body("fore").geoms[-1], spec.body("slide").geoms[0]
+    hidden.name, touching.name, touching.contype = "hidden", "touching", 1
+    spec.add_pair(geomname1="hidden", geomname2="touching")
+    spec.compile()
+    path.write_text(spec.to_xml())
+    scene = fl.import_urdf(path).scene
+    shapes = solid.shapes_of(path, scene, fl.lump(scene))
+    shown = {geom.name for geom in shapes.spec.geoms if geom.group == solid.SEEN}
+    assert "touching" in shown
+    assert "hidden" not in shown
+    assert len(shapes.boxed) == 5

@@ -14,6 +14,7 @@ from matplotlib.patches import Circle, Rectangle
 from matplotlib.text import Text
 from numpy.typing import NDArray
 
+from flexlink.common.types import Array
 from flexlink.pages.colours import BLUE, INK, PALE
 from flexlink.results.pictures import projection
 from flexlink.results.pictures.colouring import STOPS, UNKNOWN
@@ -30,9 +31,10 @@ class Drawing:
 
     marks: Sequence[tuple[str, str]] = (("■ base", BASE), ("○ joint", INK))
 
-    def __init__(self, film: Film, width: int) -> None:
+    def __init__(self, film: Film, width: int, also: Array | None = None) -> None:
+        """`also` are points in frame 0, shape (…, 3) [m], which the picture shows besides the arm."""
         dpi = 100
-        self.film, self.projected = film, Projected(film)
+        self.film, self.projected = film, Projected(film, also)
         window = self.projected.window
         aspect = (window.top - window.bottom) / (window.right - window.left)
         self.scene_height = round(width * min(max(aspect, 0.45), 1.0))

@@ -39,8 +39,9 @@ class Window(NamedTuple):
 class Projected:
     """A film projected in its view; all lengths are in m in the picture plane."""
 
-    def __init__(self, film: Film) -> None:
+    def __init__(self, film: Film, also: Array | None = None) -> None:
         self.film, self.view = film, film.view
+        self.also = np.zeros((0, 3)) if also is None else self.view(also)
         self.points = self.view(film.points)  # (f, s, 3): right, up, depth
         self.joints = self.view(film.p[:, film.outline.joints])
         self.ball, self.trace = self.view(film.ball), self.view(film.trace)
@@ -49,7 +50,7 @@ class Projected:
     @functools.cached_property
     def window(self) -> Window:
         """Window around the arm at all times, including its widths and a margin."""
-        parts = [self.points, self.joints, self.ball, self.trace, self.view(self.film.bodies)]
+        parts = [self.points, self.joints, self.ball, self.trace, self.also, self.view(self.film.bodies)]
         found = np.concatenate([part.reshape(-1, 3)[:, :2] for part in parts])
         if self.view.spatial:
             found = np.concatenate([found, self.floor.reshape(-1, 3)[:, :2]])

@@ -7,7 +7,9 @@ MuJoCo reads the robot's shapes and draws; it computes no motion. Shapes move wi
 with the body after their joint or, as those of a tool without a joint, with the end of the link before it.
 """
 
+import contextlib
 import importlib
+import itertools
 import math
 import os
 import sys
@@ -36,6 +38,8 @@ from flexlink.results.pictures.projection import Projected
 from flexlink.results.pictures.view import level
 from flexlink.results.samples import RunSamples
 
+SEEN = 0  # group of geoms that are drawn
+
 
 class Shapes(NamedTuple):
     """A robot's shapes: MuJoCo's description of them and, for each geom, the body that carries it."""
@@ -45,24 +49,16 @@ class Shapes(NamedTuple):
     bends: Indices  # those of links that bend, as indices of geoms
     R: Array  # (g, 3, 3), orientations in the bodies' frames
     p: Array  # (g, 3), positions there [m]
+    corners: Array  # (seen, 8, 3) of boxes around the shapes that are drawn, in the frames of their bodies [m]
+    boxed: Indices  # (seen,) these bodies
 
 
 def shapes_of(path: Path, scene: Scene, chain: Chain) -> Shapes:
     """Shapes of the URDF or MJCF file from which a scene was imported."""
     mujoco = imported("mujoco", "meshes are read and drawn by MuJoCo;", "engines")
-    heard = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(lambda _: None)  # its warnings would go to a file in the current folder
-    try:
-        spec = _specification(mujoco, path)
-        model = spec.compile()
-    except (ValueError, mujoco.FatalError) as error:
-        if isinstance(error, DataFileError):
-            raise
-        why = " ".join(str(error).split())
-        raise DataFileError(f"{path}: MuJoCo cannot load the file: {why}", id="engine-cannot-load") from None
-    finally:
-        mujoco.set_mju_user_warning(heard)
-    if not model.ngeom:
+    spec, model = _compiled(mujoco, path)
+    seen = np.flatnonzero(model.geom_group == SEEN)
+    if not len(seen):
         why = f"{path}: has no shape that MuJoCo reads (.stl, .obj); convert its meshes, or leave them out"
         raise DataFileError(why, id="no-shapes")
     data, links = mujoco.MjData(model), scene.arm.links
@@ -97,23 +93,46 @@ def shapes_of(path: Path, scene: Scene, chain: Chain) -> Shapes:
     body = np.array([(first if own[b] else last)[link[b]] for b in geoms], dtype=np.int64)
     bends = np.array([g for g, b in enumerate(geoms) if own[b] and first[link[b]] != last[link[b]]], dtype=np.int64)
     of_shape, there = data.geom_xmat.reshape(-1, 3, 3), np.swapaxes(R[body], 1, 2)
-    return Shapes(spec, body, bends, there @ of_shape, np.einsum("gij,gj->gi", there, data.geom_xpos - p[body]))
+    turned, placed_at = there @ of_shape, np.einsum("gij,gj->gi", there, data.geom_xpos - p[body])
+    middles, halves = np.swapaxes(model.geom_aabb[seen].reshape(-1, 2, 3), 0, 1)
+    boxes = middles[:, None] + halves[:, None] * np.array([*itertools.product((-1, 1), repeat=3)])
+    corners = placed_at[seen, None] + np.einsum("gij,gkj->gki", turned[seen], boxes)
+    return Shapes(spec, body, bends, turned, placed_at, corners, body[seen])
+
+
+def _compiled(mujoco: Any, path: Path) -> tuple[Any, Any]:
+    """MuJoCo's description of a robot, and the model that it compiles from it."""
+    heard = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _: None)  # its warnings would go to a file in the current folder
+    try:
+        spec = _specification(mujoco, path)
+        return spec, spec.compile()
+    except (ValueError, mujoco.FatalError) as error:
+        if isinstance(error, DataFileError):
+            raise
+        why = " ".join(str(error).split())
+        raise DataFileError(f"{path}: MuJoCo cannot load the file: {why}", id="engine-cannot-load") from None
+    finally:
+        mujoco.set_mju_user_warning(heard)
 
 
 def _specification(mujoco: Any, path: Path) -> Any:
-    """MuJoCo's description of a robot, with those shapes only that are meant to be seen."""
+    """MuJoCo's description of a robot; shapes that are meant to be seen are in the group `SEEN`, others are not."""
     data = read_regular(path, largest=safe_xml.LARGEST, error=DataFileError)
     root = safe_xml.parse(data, str(path), namespaces=False)
     if root.tag == "robot":
         spec = mujoco.MjSpec.from_string(_with_meshes(root, path))
         for mesh in spec.meshes:
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # meshes may be open
+        for geom in spec.geoms:
+            geom.group = SEEN
         return spec
     spec = mujoco.MjSpec.from_file(str(path))
-    seen = [geom for geom in spec.geoms if not (geom.contype or geom.conaffinity)]
-    for geom in spec.geoms:
-        if geom.type == mujoco.mjtGeom.mjGEOM_PLANE or (seen and (geom.contype or geom.conaffinity)):
-            spec.delete(geom)
+    for body in spec.bodies:
+        touching = [bool(geom.contype or geom.conaffinity) for geom in body.geoms]
+        for geom, touches in zip(body.geoms, touching, strict=True):
+            hidden = geom.type == mujoco.mjtGeom.mjGEOM_PLANE or (touches and not all(touching))
+            geom.group = SEEN + hidden
     return spec
 
 
@@ -160,7 +179,8 @@ class Rendering(Drawing):
 
     def __init__(self, film: Film, width: int, shapes: Shapes) -> None:
         self._shapes = shapes
-        super().__init__(film, width)
+        R, p = film.R[:, shapes.boxed], film.p[:, shapes.boxed, None]
+        super().__init__(film, width, p + np.einsum("fgij,gkj->fgki", R, shapes.corners))
 
     def _arm(self) -> tuple[tuple[Artist, ...], tuple[Artist, ...]]:
         right, up, eye = self.film.view.axes
@@ -192,11 +212,17 @@ class Rendering(Drawing):
 
 
 def _memory(solid: "Solid", height: int, width: int) -> tuple[Any, Any]:
-    """Memory into which MuJoCo draws, and the system of windows that keeps it; without a screen EGL."""
-    screen = sys.platform != "linux" or bool(os.environ.get("DISPLAY"))
-    systems = {"egl": "mujoco.egl", "osmesa": "mujoco.osmesa", "": "mujoco.gl_context" if screen else "mujoco.egl"}
-    chosen = importlib.import_module(systems.get(os.environ.get("MUJOCO_GL", ""), "mujoco.gl_context"))
-    system = chosen.GLContext(width, height)
+    """Memory into which MuJoCo draws, and the system of windows that keeps it; EGL without a screen that opens."""
+    chosen, linux = os.environ.get("MUJOCO_GL", ""), sys.platform == "linux"
+    if not chosen and linux and os.environ.get("DISPLAY"):
+        with contextlib.suppress(Exception), warnings.catch_warnings(action="ignore"):
+            return _memory_of("mujoco.gl_context", solid, height, width)
+    systems = {"egl": "mujoco.egl", "osmesa": "mujoco.osmesa", "": "mujoco.egl" if linux else "mujoco.gl_context"}
+    return _memory_of(systems.get(chosen, "mujoco.gl_context"), solid, height, width)
+
+
+def _memory_of(name: str, solid: "Solid", height: int, width: int) -> tuple[Any, Any]:
+    system = importlib.import_module(name).GLContext(width, height)
     system.make_current()
     memory = solid.mujoco.MjrContext(solid.model, solid.mujoco.mjtFontScale.mjFONTSCALE_100)
     solid.mujoco.mjr_setBuffer(solid.mujoco.mjtFramebuffer.mjFB_OFFSCREEN, memory)
@@ -237,7 +263,7 @@ class Solid:
         self.model.geom_rgba[seen_through, 3] *= 0.35  # so that the beam inside is seen
         self.model.vis.map.znear, self.model.vis.map.zfar = 0.01, 50.0
         self.scene, self.options = mujoco.MjvScene(self.model, 10_000), mujoco.MjvOption()
-        self.camera, self.options.geomgroup[:] = mujoco.MjvCamera(), 1
+        self.camera, self.options.geomgroup[:] = mujoco.MjvCamera(), np.arange(6) == SEEN
         self.options.sitegroup[:] = self.options.tendongroup[:] = 0  # MuJoCo placed them
 
     def placed(self, k: int) -> Any:
