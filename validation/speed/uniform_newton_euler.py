@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
+from flexlink.kernels.tools.axes3 import cos_sin
 from flexlink.kernels.tools.compiler import kernel
-from flexlink.kernels.tools.vec3 import ZERO, add, apply, apply_transposed, cos_sin, cross, dot, put, scale, vector
+from flexlink.kernels.tools.vec3 import ZERO, add, apply, apply_transposed, cross, dot, put, scale, vector
 
 
 class Rows(NamedTuple):

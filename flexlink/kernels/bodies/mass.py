@@ -18,6 +18,7 @@ from flexlink.kernels.geometry.branches import fork_lanes, fork_rows
 from flexlink.kernels.geometry.kinematics import KinematicsWork, kinematics, kinematics_workspace
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.address import records
+from flexlink.kernels.tools.axes3 import cos_sin, cross_unit, turn, unit
 from flexlink.kernels.tools.compiler import allocating, inlined, kernel, recursion
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import (
@@ -45,21 +46,7 @@ from flexlink.kernels.tools.sym3 import (
     sym_turn,
     symmetric,
 )
-from flexlink.kernels.tools.vec3 import (
-    ZERO,
-    add,
-    apply,
-    apply_transposed,
-    cos_sin,
-    cross,
-    cross_unit,
-    dot,
-    scale,
-    sub,
-    turn,
-    unit,
-    vector,
-)
+from flexlink.kernels.tools.vec3 import ZERO, add, apply, apply_transposed, cross, dot, scale, sub, vector
 
 
 @inlined

@@ -11,28 +11,13 @@ import numpy as np
 
 from flexlink.kernels.forces.elements import forces_of, forces_side_by_side, one_of
 from flexlink.kernels.forces.joint_torques import JOINT, dry_joints, put_joint
+from flexlink.kernels.tools.axes3 import X, Y, Z, pick, place_axes, rotate, unit
 from flexlink.kernels.tools.compiler import allocating, inlined, kernel, recursion
 from flexlink.kernels.tools.lanes import LANES, at, put_at, put_lane, vec, zero_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sincos import cos_sin_all, less_whole_turns
 from flexlink.kernels.tools.sym3 import sym_apply, symmetric
-from flexlink.kernels.tools.vec3 import (
-    ZERO,
-    X,
-    Y,
-    Z,
-    add,
-    add_scaled,
-    cross,
-    dot,
-    pick,
-    place_axes,
-    put,
-    rotate,
-    scale,
-    unit,
-    vector,
-)
+from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, cross, dot, put, scale, vector
 
 LINK = numbered(
     "sign armature mass inertia",  # sign σ of the hinge axis, armature A, mass, inertia I about the hinge point

@@ -18,6 +18,7 @@ import numpy as np
 from flexlink.kernels.geometry.branches import fork_lanes, fork_rows
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.address import records
+from flexlink.kernels.tools.axes3 import add_along, cross_unit, turn
 from flexlink.kernels.tools.compiler import inlined, kernel, subroutine
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import (
@@ -36,19 +37,7 @@ from flexlink.kernels.tools.lanes import (
 from flexlink.kernels.tools.rare import rarely
 from flexlink.kernels.tools.records import added, keep, kept
 from flexlink.kernels.tools.sincos import cos_sin_all
-from flexlink.kernels.tools.vec3 import (
-    add,
-    add_along,
-    apply,
-    apply_transposed,
-    cross,
-    cross_unit,
-    dot,
-    scale,
-    sub,
-    turn,
-    vector,
-)
+from flexlink.kernels.tools.vec3 import add, apply, apply_transposed, cross, dot, scale, sub, vector
 
 
 class RneWork(NamedTuple):

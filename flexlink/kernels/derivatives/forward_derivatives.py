@@ -42,6 +42,7 @@ from flexlink.kernels.forward.articulated_rows import (
 from flexlink.kernels.forward.inverse_mass import solve_on_articulated
 from flexlink.kernels.forward.solvers import forward_dynamics
 from flexlink.kernels.layout import SLIDES
+from flexlink.kernels.tools.axes3 import X, Y, Z, rotate
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.finite import are_finite, is_finite
 from flexlink.kernels.tools.lanes import LANES, vec_of
@@ -49,7 +50,7 @@ from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.rare import rarely
 from flexlink.kernels.tools.records import added, keep
 from flexlink.kernels.tools.sym3 import sym_apply, sym_of
-from flexlink.kernels.tools.vec3 import ZERO, X, Y, Z, add, cross, dot, rotate, scale, sub
+from flexlink.kernels.tools.vec3 import ZERO, add, cross, dot, scale, sub
 
 VARIABLE = numbered("q qd tau")  # the derivatives are with respect to these
 

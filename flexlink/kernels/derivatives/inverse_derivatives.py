@@ -42,6 +42,7 @@ import numpy as np
 
 from flexlink.kernels.geometry.branches import fork_rows
 from flexlink.kernels.layout import SLIDES
+from flexlink.kernels.tools.axes3 import X, Y, Z, cos_sin, pick, place_axes, rotate, turn_axes
 from flexlink.kernels.tools.compiler import allocating, inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.finite import are_finite
 from flexlink.kernels.tools.lanes import LANES, at, put_at, put_eight, vec_of
@@ -57,24 +58,7 @@ from flexlink.kernels.tools.sym3 import (
     sym_of,
     symmetric,
 )
-from flexlink.kernels.tools.vec3 import (
-    ZERO,
-    X,
-    Y,
-    Z,
-    add,
-    add_scaled,
-    cos_sin,
-    cross,
-    dot,
-    pick,
-    place_axes,
-    rotate,
-    scale,
-    sub,
-    turn_axes,
-    vector,
-)
+from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, cross, dot, scale, sub, vector
 
 HINGE_MOTION = numbered("e:3 p:3 v:3 δa:3 η:3 δω:3 δF:3 δm:3 δv:3")
 """Columns of a hinge: axis e, point p, its velocity v, and the changes above; if prismatic, only δa and δv = ω × e."""

@@ -27,12 +27,13 @@ from flexlink.kernels.derivatives.inverse_derivatives import (
 )
 from flexlink.kernels.geometry.branches import fork_rows
 from flexlink.kernels.layout import SLIDES
+from flexlink.kernels.tools.axes3 import X, Y, Z
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.records import added, keep, kept
 from flexlink.kernels.tools.sym3 import sym_apply, sym_of
-from flexlink.kernels.tools.vec3 import ZERO, X, Y, Z, add, add_scaled, cross, dot, scale
+from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, cross, dot, scale
 
 UNITS = (X, Y, Z)
 PARTS = numbered("δa:3 δφ:3 η:3 δω:3")

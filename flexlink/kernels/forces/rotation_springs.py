@@ -31,11 +31,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.kernels.layout import SPRINGS
+from flexlink.kernels.tools.axes3 import X, Y, Z, pick
 from flexlink.kernels.tools.compiler import allocating, inlined, kernel, recursion, shared
 from flexlink.kernels.tools.lanes import LANES, at, eight_of, put_at, put_eight, put_lane, zero_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sincos import cos_sin_all
-from flexlink.kernels.tools.vec3 import X, Y, Z, add, add_scaled, cross, dot, pick, scale, sub
+from flexlink.kernels.tools.vec3 import add, add_scaled, cross, dot, scale, sub
 
 ROW = numbered(
     "half:3 cosine:3 sine:3",  # ½ (θ − θ₀) of the hinges about X, Y, Z

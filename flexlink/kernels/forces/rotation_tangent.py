@@ -32,9 +32,10 @@ from flexlink.kernels.forces.rotation_springs import (
     three,
     turned_back,
 )
+from flexlink.kernels.tools.axes3 import X, Y, Z, pick
 from flexlink.kernels.tools.compiler import allocating, inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
-from flexlink.kernels.tools.vec3 import X, Y, Z, add, add_scaled, cross, dot, pick, scale, vector
+from flexlink.kernels.tools.vec3 import add, add_scaled, cross, dot, scale, vector
 
 SLOPE = tuple(k * c for k, c in enumerate(COTANGENT))[1:]  # series of dg/d|φ|²
 

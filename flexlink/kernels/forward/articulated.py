@@ -52,13 +52,14 @@ from flexlink.kernels.forward.articulated_groups import (
 from flexlink.kernels.forward.articulated_layout import GROUP, LAYOUT
 from flexlink.kernels.forward.articulated_rows import BODY_ROW, HINGE_ROW, RESTART, THIRD_HINGE, axes_of
 from flexlink.kernels.forward.slides import accelerate_slides, eliminate_slides, put_slides
+from flexlink.kernels.tools.axes3 import add_along, pick, rotate, turn_axes
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 from flexlink.kernels.tools.lanes import at, put_at, put_vec_of, vec, vec_of, zero_of
 from flexlink.kernels.tools.rare import rarely
 from flexlink.kernels.tools.records import keep, kept
 from flexlink.kernels.tools.sincos import cos_sin_all
 from flexlink.kernels.tools.sym3 import sym_apply, sym_of, sym_turn
-from flexlink.kernels.tools.vec3 import add, add_along, add_scaled, cross, dot, pick, rotate, scale, sub, turn_axes
+from flexlink.kernels.tools.vec3 import add, add_scaled, cross, dot, scale, sub
 
 
 @recursion

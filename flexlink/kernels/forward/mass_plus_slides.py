@@ -3,12 +3,13 @@
 from flexlink.kernels.forward.articulated_layout import LAYOUT
 from flexlink.kernels.forward.mass_plus_cells import COUPLED
 from flexlink.kernels.layout import SLIDES
+from flexlink.kernels.tools.axes3 import pick
 from flexlink.kernels.tools.compiler import subroutine
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.records import keep
 from flexlink.kernels.tools.sym3 import sym_add_dyad, sym_apply
-from flexlink.kernels.tools.vec3 import add_scaled, dot, pick, scale
+from flexlink.kernels.tools.vec3 import add_scaled, dot, scale
 
 FACTORS = numbered("A inverse He:3 Me:3")  # of a prismatic hinge: A, 1 / D, H e and M e
 

@@ -41,6 +41,7 @@ from flexlink.kernels.forward.mass_plus_slides import (
     place_slides,
 )
 from flexlink.kernels.layout import SLIDES
+from flexlink.kernels.tools.axes3 import X, Y, Z, pick, rotate, turn_axes
 from flexlink.kernels.tools.compiler import allocating, inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
 from flexlink.kernels.tools.numbered import numbered
@@ -48,7 +49,7 @@ from flexlink.kernels.tools.rare import rarely
 from flexlink.kernels.tools.records import added, keep, kept
 from flexlink.kernels.tools.sincos import cos_sin_all
 from flexlink.kernels.tools.sym3 import sym_add_dyad, sym_apply, sym_from_axes, sym_of
-from flexlink.kernels.tools.vec3 import ZERO, X, Y, Z, add, add_scaled, cross, dot, pick, rotate, scale, turn_axes
+from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, cross, dot, scale
 
 ROW = numbered("A inverse U:3 G:3")  # of an eliminated hinge: A_kk, 1 / S, U and G
 OPEN = numbered("rotor c:3 g:3", start=ROW.inverse)  # of a hinge before its elimination: A_kk so far, its column c, g

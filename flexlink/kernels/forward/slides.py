@@ -12,10 +12,11 @@ from flexlink.kernels.forward.articulated_groups import eliminate_joint, missing
 from flexlink.kernels.forward.articulated_layout import LAYOUT
 from flexlink.kernels.forward.articulated_rows import BODY_ROW, HINGE_ROW
 from flexlink.kernels.layout import SLIDES
+from flexlink.kernels.tools.axes3 import pick
 from flexlink.kernels.tools.compiler import inlined, subroutine
 from flexlink.kernels.tools.lanes import at, put_at, put_vec_of, vec_of, zero_of
 from flexlink.kernels.tools.records import keep
-from flexlink.kernels.tools.vec3 import add, add_scaled, cross, dot, pick, scale
+from flexlink.kernels.tools.vec3 import add, add_scaled, cross, dot, scale
 
 
 @subroutine

@@ -11,27 +11,13 @@ import numpy as np
 from flexlink.kernels.geometry.branches import loaded_body
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.address import records
+from flexlink.kernels.tools.axes3 import pick, place_axes, rotate, turn_axes
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion, unfused
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import at, cos_sin_of, position_of, put_vec_of, vec_of, zero_of
 from flexlink.kernels.tools.rare import rarely
 from flexlink.kernels.tools.records import added, keep, kept
-from flexlink.kernels.tools.vec3 import (
-    ZERO,
-    add,
-    add_scaled,
-    apply,
-    cross,
-    dot,
-    pick,
-    place_axes,
-    put,
-    rotate,
-    scale,
-    sub,
-    turn_axes,
-    vector,
-)
+from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, apply, cross, dot, put, scale, sub, vector
 
 
 class KinematicsWork(NamedTuple):

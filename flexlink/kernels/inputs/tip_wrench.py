@@ -7,25 +7,10 @@ A constant force has a potential. A force that changes, or rotates with the tip,
 
 from flexlink.kernels.inputs.references import locate
 from flexlink.kernels.layout import SLIDES
+from flexlink.kernels.tools.axes3 import X, Y, Z, cos_sin, pick, place_axes, rotate, turn_axes
 from flexlink.kernels.tools.compiler import entry, kernel, recursion
 from flexlink.kernels.tools.lanes import vec
-from flexlink.kernels.tools.vec3 import (
-    ZERO,
-    X,
-    Y,
-    Z,
-    add,
-    add_scaled,
-    cos_sin,
-    cross,
-    dot,
-    pick,
-    place_axes,
-    rotate,
-    scale,
-    turn_axes,
-    vector,
-)
+from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, cross, dot, scale, vector
 
 
 @recursion
