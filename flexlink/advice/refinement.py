@@ -264,7 +264,7 @@ def _least_rigidity(arm: Arm, link: Link) -> float:
     if link.rigidity is not None:
         table = arm.rigidities[link.rigidity].of_flex(link.flex)
         if table.coupled:
-            return float(np.linalg.eigvalsh(table.rows.stiffness).min())
+            return float(1 / np.linalg.eigvalsh(np.linalg.inv(table.rows.stiffness)[:, :3, :3]).max())
         return table.stiffness_factor * min(min(column) for column in (table.ei_y, table.ei_z) if column is not None)
     ends = [arm.sections[name].properties[1:3] for name in (link.section, link.section_tip) if name]
     return arm.materials[link.material or ""].young * min(min(end) for end in ends)
