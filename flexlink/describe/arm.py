@@ -150,8 +150,7 @@ class Arm(Spec, frozen=True):
         for column in table.lacks(link.flex):
             yield Diagnostic(f"{path}: has no {column}; flex = {link.flex!r} needs it", "rigidity-table")
         if link.strains and table.stiffness is None:
-            why = f"link with rigidity = {link.rigidity!r}, which has no stiffness 6 × 6"
-            text = f"{self.path(k)}: {link.strain_keys}: {why}; add it, or use a material and a section"
+            text = f"{path}: has no stiffness 6 × 6 for {link.strain_keys}; add it, or use a material and a section"
             yield Diagnostic(text, "strains-need-a-section")
         if why := wrong_end(table.x[-1] * (link.beam.length if table.relative else 1.0), link.beam.length):
             yield Diagnostic(f"{path}: {why}", "rigidity-table")
