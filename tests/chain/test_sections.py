@@ -79,7 +79,7 @@ def rod(C: Array, force: Array = FORCE, bent: Any = (0.0, 0.0, 0.0), length: flo
         return solve_ivp(slope, (0.0, length), start, method="DOP853", rtol=1e-11, atol=1e-13).y[9:, -1]
 
     m0, scale = np.zeros(3), np.linalg.norm(force) * length
-    for F in np.linspace(0.25, 1.0, 4)[:, None] * force:
+    for F in (0.5 * force, force):
         m0 = root(lambda m: end(m, F)[3:] / scale, m0, tol=1e-12).x  # noqa: B023
     return end(m0, force)[:3]
 
@@ -102,6 +102,7 @@ def test_a_section_with_all_couplings_bends_in_space_as_the_rod(bent: tuple[floa
     assert np.linalg.norm((4 * fine - coarse) / 3 - truth) < 3e-7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fields", "free", "limit"),
     [
@@ -115,9 +116,9 @@ def test_forces_of_strains_that_a_link_lacks_do_no_work(
     fields: dict[str, Any], free: tuple[int, ...], limit: float
 ) -> None:
     """Without shear and stretch, rules with cells keep their order 4."""
-    truth = rod(without(STIFF, free))
-    assert np.linalg.norm(truth - rod(np.linalg.inv(STIFF))) > 0.01
-    assert np.linalg.norm(moved(scene(hinges=32, **fields)) - truth) < limit
+    truth, found = rod(without(STIFF, free)), moved(scene(hinges=32, **fields))
+    assert np.linalg.norm(found - moved(scene(hinges=32))) > 0.01
+    assert np.linalg.norm(found - truth) < limit
 
 
 def test_curvatures_about_axes_in_which_a_link_does_not_bend_are_zero() -> None:
@@ -161,10 +162,11 @@ def ritz(K: Array, M: Array, strains: Any = range(6), length: float = 1.0, count
         e[own, part], motion[own, part] = level, once
         if own in {4, 5}:  # sections turned about y move along −z, about z along y
             motion[{4: 2, 5: 1}[own], part] = {4: -twice, 5: twice}[own]
-    both = [np.einsum("iaq,ij,jbq,q->ab", part, A, part, ds, optimize=True) for part, A in ((e, K), (motion, M))]
+    both = [np.tensordot(part * ds, np.tensordot(A, part, 1), ((0, 2), (0, 2))) for part, A in ((e, K), (motion, M))]
     return np.sqrt(eigh(*both, eigvals_only=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rule", "M", "order"),
     [("gauss_matched", CENTRED, 4), ("gauss", CENTRED, 2), ("gauss", ASIDE, 2), ("gauss_matched", ASIDE, 2)],
@@ -172,12 +174,13 @@ def ritz(K: Array, M: Array, strains: Any = range(6), length: float = 1.0, count
 def test_frequencies_with_all_couplings_are_those_of_ritz(rule: str, M: Array, order: int) -> None:
     """Mass off the axis limits every rule to order 2."""
     truth = ritz(STIFF, M)[:5]
-    found = [fl.natural_frequencies(fl.lump(scene(STIFF, M, n, lumping=rule)))[:5] for n in (16, 32)]
+    found = [fl.natural_frequencies(fl.lump(scene(STIFF, M, n, lumping=rule)))[:5] for n in (12, 24)]
     errors = [np.abs(one / truth - 1).max() for one in found]
-    assert errors[1] < 2e-3
+    assert errors[1] < 4e-3
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rule", "M", "limit"), [("lobatto4", CENTRED, 2e-6), ("gauss", ASIDE, 6e-4)])
 def test_frequencies_of_condensed_sections_are_those_of_ritz(rule: str, M: Array, limit: float) -> None:
     K = np.zeros((6, 6))
@@ -186,6 +189,7 @@ def test_frequencies_of_condensed_sections_are_those_of_ritz(rule: str, M: Array
     np.testing.assert_allclose(fl.natural_frequencies(chain)[:5], ritz(K, M, (3, 4, 5))[:5], rtol=limit)
 
 
+@pytest.mark.slow
 def test_the_blade_of_gxbeam_has_the_frequencies_of_ritz_and_keeps_its_energy() -> None:
     given = scene(BLADE, of_blade(), 8, 60.0)
     truth = ritz(BLADE, of_blade(), length=60.0)[:4]
@@ -265,6 +269,7 @@ def blade_file(K: Array, M: Array, mu: str = "1.0E-03 " * 6, damped: int = 1) ->
     return "\n".join([*head, "  0.000000", *rows, "  1.0", *rows])
 
 
+@pytest.mark.slow
 def test_the_twisted_beam_of_beamdyn_from_its_blade_file(tmp_path: Path) -> None:
     """10 m, 90° of twist, −4 MN along y at the tip: "bd_static_twisted_with_k1" of OpenFAST's regression tests.
 
