@@ -26,11 +26,12 @@ def read_blade(path: Path) -> Blade | None:
     named = {words[1].casefold(): k for k, words in enumerate(map(str.split, lines)) if len(words) > 1}
     if "station_total" not in named:
         return None
-    count, damped = (int(_numbers(path, lines, named[key], 1)[0]) for key in ("station_total", "damp_type"))
+    places = [named.get(key, len(lines)) for key in ("station_total", "damp_type")]
+    count, damped = (int(_numbers(path, lines, at, 1)[0]) for at in places)
     start = next((k for k, line in enumerate(lines) if "distributed properties" in line.casefold()), len(lines))
     kept = [k for k in range(start + 1, len(lines)) if lines[k].strip()]
     size = 13  # lines of a station: its place, and two matrices
-    if len(kept) < size * count:
+    if not 0 < size * count <= len(kept):
         text = f"{path}: {len(kept) // size} stations; station_total = {count}"
         raise DataFileError(text, id="blade-file")
     x, matrices = np.empty(count), np.empty((count, 12, 6))
@@ -44,7 +45,7 @@ def read_blade(path: Path) -> Blade | None:
         text = f"{path}: damp_type = {damped}: damping by modes is not read; set it to 0, and give loss_time"
         raise DataFileError(text, id="blade-file")
     after_units = 3  # the line "mu1 …", its units, the numbers
-    loss = _numbers(path, lines, named["damp_type"] + 1 + after_units, 6) if damped else [0.0]
+    loss = _numbers(path, lines, places[1] + 1 + after_units, 6) if damped else [0.0]
     return Blade(x, matrices[:, :6], matrices[:, 6:], tuple(loss))
 
 

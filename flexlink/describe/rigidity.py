@@ -128,15 +128,16 @@ class Rigidity(Spec, frozen=True):
             raise self._refused(name, f"expected a 6 × 6 matrix, or one per row of x, {len(self.x)}", "one-per-row")
         for row, matrix in enumerate(self.matrices(name)):
             like = _section_mass(matrix) if name == "mass" else matrix.T
-            # relative rounding of numbers in files
-            wrong = np.argwhere(np.abs(matrix - like) > 1e-6 * np.sqrt(np.abs(np.outer(*2 * [np.diag(matrix)]))))
+            rounding = 1e-6  # relative, of numbers in files
+            wrong = np.argwhere(np.abs(matrix - like) > rounding * np.sqrt(np.abs(np.outer(*2 * [np.diag(matrix)]))))
             if len(wrong):
                 i, j = wrong[0].tolist()
                 text = f"{name}[{row}][{i}][{j}] = {matrix[i, j].item()!r}: expected {like[i, j].item()!r}"
                 why = "M of a section with its centre of mass at (y, z)" if name == "mass" else "K is symmetric"
                 raise SceneError(f"{text}: {why}", id="section-matrix")
             centred = matrix if name == "stiffness" else _section_inertia(matrix)
-            if (least := np.linalg.eigvalsh(centred).min()) < 0 or (name == "stiffness" and least == 0):
+            most = 0.0 if name == "stiffness" else -rounding * max(np.trace(centred), np.finfo(float).tiny)
+            if (least := np.linalg.eigvalsh(centred).min()) <= most:
                 text = f"{name}[{row}]: " + ("K" if name == "stiffness" else "the inertia about the centre of mass")
                 why = f"is not positive definite; its least eigenvalue is {least:.3g}"
                 raise SceneError(f"{text} {why}", id="section-not-stiff")
@@ -195,8 +196,8 @@ class Rigidity(Spec, frozen=True):
         """Missing columns that a link with this flex needs, including rotary inertia if it twists."""
         if self.stiffness is None:
             yield from (name for name in HELD.get(flex, ()) if getattr(self, name) is None)
-        if flex == "xyz" and self.mass is None and not any(map(any, (self.rho_i_y or (), self.rho_i_z or ()))):
-            yield "rho_i_y or rho_i_z"
+        if flex == "xyz" and not self.rows.masses[3].any():
+            yield "rho_i_y or rho_i_z" if self.mass is None else "inertia about x in mass"
 
     def jump_at(self, x: float, flex: str) -> float | None:
         """Position of a jump of a needed rigidity (see `lacks`) at x, up to rounding; None if there is none."""
@@ -247,8 +248,8 @@ def _blade(file: Path, loss_time: float) -> dict[str, Any]:
     own = [2, 0, 1, 5, 3, 4]  # BeamDyn's z is along the blade: our x, y, z are its z, x, y
     turned = (_tuples(matrices[:, own][:, :, own]) for matrices in (blade.stiffness, blade.mass))
     found = {"x": tuple(blade.x.tolist()), "relative": True} | dict(zip(("stiffness", "mass"), turned, strict=True))
-    if loss_time == 0 and len(set(blade.loss_times)) > 1:
-        text = f"{file}: mu = {list(blade.loss_times)}: must be equal, since a link has one loss_time; give loss_time"
+    if loss_time == 0 and (len(set(blade.loss_times)) > 1 or min(blade.loss_times) < 0):
+        text = f"{file}: mu = {list(blade.loss_times)}: must be equal, for the one loss_time of a link; give loss_time"
         raise DataFileError(text, id="unequal-loss-times")
     return found | {"loss_time": loss_time or blade.loss_times[0]}
 
