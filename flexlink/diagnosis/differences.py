@@ -114,7 +114,8 @@ def _numbers_of_tendons(ours: ReadBack, theirs: ReadBack) -> list[Finding]:
 def _shared(read: ReadBack, field: str) -> Array:
     """Σ_j |K_ij|/c_ij, or Σ_j |D_ij|/c_ij, for each joint i, shape (n,)."""
     coupled = next(name for name, own in COUPLED_FIELDS.items() if own == field)
-    levers = levers_of(read.stiffness, read.slides, *np.indices((len(read.slides),) * 2))
+    slides, across = read.slides, np.abs(read.axes @ read.axes.T) < 0.5  # about two axes of a section
+    levers = levers_of(read.stiffness[:, None], read.stiffness, across | (slides != slides[:, None]))
     return np.asarray((np.abs(getattr(read, coupled)) / levers).sum(axis=1))
 
 

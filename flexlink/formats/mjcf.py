@@ -312,7 +312,7 @@ def _body(parent: ET.Element, name: str, frame: Pose) -> ET.Element:
 #
 #     K_ii − Σ_j |K_ij|        D_ii − Σ_j |D_ij|
 #
-# which must not be negative. For a slide in the place of joint j, the length is θ_i ± c θ_j with a power of two c near
+# which must not be negative. For joints about or along two axes the length is θ_i ± c θ_j with a power of two c near
 # √(K_jj / K_ii), and the joints keep K_ii − |K_ij|/c and K_jj − c |K_ij|. Without `springlength` a tendon is slack at
 # the joints' `springref`, like their springs. If K_ij and D_ij have different signs, the damper gets a separate tendon.
 
@@ -338,7 +338,7 @@ def diagonal_remainder(chain: Chain, field: str) -> Array:
     """Return K_ii − Σ_j |K_ij| for `field` "stiffness", or D_ii − Σ_j |D_ij| for "damping", shape (n,)."""
     own, taken, value = chain.hinges[field], np.zeros(chain.n), np.abs(chain.couplings[field])
     inner, outer = chain.couplings["inner"], chain.couplings["outer"]
-    levers = levers_of(chain.hinges["stiffness"], chain.slides, inner, outer)
+    levers = _levers(chain)
     np.add.at(taken, inner, value / levers)
     np.add.at(taken, outer, value * levers)
     left = own - taken
@@ -350,10 +350,16 @@ def diagonal_remainder(chain: Chain, field: str) -> Array:
     return left
 
 
-def levers_of(stiffness: Array, slides: Mask, i: Indices, j: Indices) -> Array:
-    """Coefficients c of joints j in tendons of joints i and j: 1 unless one of the two is a slide."""
-    K = np.where(stiffness > 0, stiffness, 1.0)
-    return np.asarray(np.where(slides[i] | slides[j], 2.0 ** np.round(np.log2(K[j] / K[i]) / 2), 1.0))
+def levers_of(own: Array, other: Array, apart: Mask) -> Array:
+    """Coefficients c of joints j in tendons of joints i and j, from K_ii and K_jj; 1 if not `apart`, about one axis."""
+    able = apart & (own > 0) & (other > 0)
+    return np.asarray(2.0 ** np.round(np.log2(np.where(able, other, 1.0) / np.where(able, own, 1.0)) / 2))
+
+
+def _levers(chain: Chain) -> Array:
+    pairs = [chain.hinges[chain.couplings[end]] for end in ("inner", "outer")]
+    (own, other), axes = (each["stiffness"] for each in pairs), [each["axis"] for each in pairs]
+    return levers_of(own, other, axes[0] != axes[1])
 
 
 def _instead(chain: Chain, k: int, field: str) -> str:
@@ -368,9 +374,7 @@ def _instead(chain: Chain, k: int, field: str) -> str:
 
 def _tendons(chain: Chain) -> Iterator[tuple[int, int, float, float, float]]:
     """Yield fixed tendons over two joints with coefficients 1 and ±c: both joints, ±c, stiffness, damping."""
-    pairs = chain.couplings["inner"], chain.couplings["outer"]
-    levers = levers_of(chain.hinges["stiffness"], chain.slides, *pairs).tolist()
-    for coupling, c in zip(chain.couplings, levers, strict=True):
+    for coupling, c in zip(chain.couplings, _levers(chain).tolist(), strict=True):
         i, j, k, d = coupling.item()
         if k * d < 0:
             yield i, j, math.copysign(c, k), abs(k) / c, 0.0
