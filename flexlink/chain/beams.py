@@ -133,7 +133,7 @@ class TableBeam:
 
     length: float
     table: Rigidity
-    strains: tuple[int, ...] = ()  # axes of the slides: 0 stretch along X, 1 and 2 shear along Y and Z
+    strains: tuple[int, ...] = ()  # that its link has: 0 stretch along X, 1 and 2 shear along Y and Z
 
     @property
     def knots(self) -> Array:
@@ -147,7 +147,7 @@ class TableBeam:
 
     @property
     def directions(self) -> list[int]:
-        """Rows of K of a section to which hinges (0, 1, 2) and slides (3, 4, 5) belong; other strains are free."""
+        """Rows of K of a section: curvatures (0, 1, 2), and the `strains` of the link (3, 4, 5); others are free."""
         return [0, 1, 2, *(3 + axis for axis in self.strains)]
 
     @property

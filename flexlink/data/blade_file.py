@@ -1,7 +1,6 @@
 """Sections of a blade from a file of BeamDyn, the beam solver of OpenFAST, in its axes: z along the blade."""
 
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -11,17 +10,11 @@ from flexlink.common.wording import truncated
 from flexlink.data.documents import read_regular
 
 
-class Blade(NamedTuple):
-    """Sections along a blade: (F_x, F_y, F_z, M_x, M_y, M_z) = K (strains, curvatures), and their mass matrices."""
+def read_blade(path: Path) -> tuple[Array, Array, Array, list[float]] | None:
+    """Read x from 0 to 1 (stations,), K and M (stations, 6, 6), and loss times [s]; None from another kind of file.
 
-    x: Array  # (stations,), relative to the length, from 0 to 1
-    stiffness: Array  # (stations, 6, 6) [N, N m, N m²]
-    mass: Array  # (stations, 6, 6) [kg/m, kg, kg m]
-    loss_times: tuple[float, ...]  # of damping proportional to K, one per direction [s]; (0,) without damping
-
-
-def read_blade(path: Path) -> Blade | None:
-    """Read a blade file; None if the file is of another kind."""
+    Forces come before moments. Loss times are those of damping proportional to K, one per direction; [0] without it.
+    """
     lines = read_regular(path, largest=100_000_000, error=DataFileError).decode("utf-8", "replace").splitlines()
     named = {words[1].casefold(): k for k, words in enumerate(map(str.split, lines)) if len(words) > 1}
     if "station_total" not in named:
@@ -46,7 +39,7 @@ def read_blade(path: Path) -> Blade | None:
         raise DataFileError(text, id="blade-file")
     after_units = 3  # the line "mu1 …", its units, the numbers
     loss = _numbers(path, lines, places[1] + 1 + after_units, 6) if damped else [0.0]
-    return Blade(x, matrices[:, :6], matrices[:, 6:], tuple(loss))
+    return x, matrices[:, :6], matrices[:, 6:], loss
 
 
 def _numbers(path: Path, lines: list[str], at: int, count: int) -> list[float]:

@@ -245,13 +245,14 @@ def _blade(file: Path, loss_time: float) -> dict[str, Any]:
 
     if (blade := read_blade(file)) is None:
         return {}
+    x, stiffness, mass, loss_times = blade
     own = [2, 0, 1, 5, 3, 4]  # BeamDyn's z is along the blade: our x, y, z are its z, x, y
-    turned = (_tuples(matrices[:, own][:, :, own]) for matrices in (blade.stiffness, blade.mass))
-    found = {"x": tuple(blade.x.tolist()), "relative": True} | dict(zip(("stiffness", "mass"), turned, strict=True))
-    if loss_time == 0 and (len(set(blade.loss_times)) > 1 or min(blade.loss_times) < 0):
-        text = f"{file}: mu = {list(blade.loss_times)}: must be equal, for the one loss_time of a link; give loss_time"
+    turned = (_tuples(matrices[:, own][:, :, own]) for matrices in (stiffness, mass))
+    found = {"x": tuple(x.tolist()), "relative": True} | dict(zip(("stiffness", "mass"), turned, strict=True))
+    if loss_time == 0 and (len(set(loss_times)) > 1 or min(loss_times) < 0):
+        text = f"{file}: mu = {loss_times}: must be equal, for the one loss_time of a link; give loss_time"
         raise DataFileError(text, id="unequal-loss-times")
-    return found | {"loss_time": loss_time or blade.loss_times[0]}
+    return found | {"loss_time": loss_time or loss_times[0]}
 
 
 def _tuples(matrices: Array) -> Matrices:

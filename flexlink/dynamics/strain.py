@@ -123,8 +123,8 @@ def strains_in(scene: Scene, q: ArrayLike, link: str | int, fibre: ArrayLike) ->
                 curvature[..., axis - 1] = θ / (weights * length)
             else:
                 curvature[..., axis - 1] = cells.cell.curvatures(θ, h)
-        slides = (chain.where(Kind.STRAIN, link=number, axis=Kind.STRAIN.first + axis) for axis in bent.strain_axes)
-        stretched = [moved[..., stations] for stations in slides]
+        stations = (chain.where(Kind.STRAIN, link=number, axis=Kind.STRAIN.first + axis) for axis in bent.strain_axes)
+        stretched = [moved[..., rows] for rows in stations]
         if beam is not None and coupled:
             each = np.concatenate([held, *(part[..., None] for part in stretched)], axis=-1)
             forces = section_forces(beam, rule, (nodes, weights), each)
