@@ -128,8 +128,8 @@ class Rigidity(Spec, frozen=True):
             raise self._refused(name, f"expected a 6 × 6 matrix, or one per row of x, {len(self.x)}", "one-per-row")
         for row, matrix in enumerate(self.matrices(name)):
             like = _section_mass(matrix) if name == "mass" else matrix.T
-            rounding = 1e-6  # relative, of numbers in files
-            wrong = np.argwhere(np.abs(matrix - like) > rounding * np.sqrt(np.abs(np.outer(*2 * [np.diag(matrix)]))))
+            rounding, sizes = 1e-6, np.sqrt(np.abs(np.diag(matrix)))  # relative, of numbers in files
+            wrong = np.argwhere(np.abs(matrix - like) > rounding * np.outer(sizes, sizes))
             if len(wrong):
                 i, j = wrong[0].tolist()
                 text = f"{name}[{row}][{i}][{j}] = {matrix[i, j].item()!r}: expected {like[i, j].item()!r}"
