@@ -19,6 +19,7 @@ import numpy as np
 from flexlink.advice.goal import Goal, Thresholds, TipErrorNorm
 from flexlink.advice.model import FAMILIES, FLEX, GAUSS, Axes, Model, limited_axes, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
+from flexlink.chain.beams import table_of
 from flexlink.chain.coordinates import Kind
 from flexlink.common.types import Array
 from flexlink.describe.arm import Arm
@@ -182,7 +183,8 @@ class RefinementStudy:
         if hinges < asymptotic or last is None:
             return
         arm = self.runner.scene.arm
-        apt = not any(link.strains for link in arm.links)  # cells neither shear nor stretch
+        beams = [table_of(arm, link) for link in arm.links]  # cells neither shear nor stretch, and need centred mass
+        apt = not any(link.strains for link in arm.links) and not any(beam and beam.off_axis for beam in beams)
         tries = apt and not self.levels["lobatto"] and may_pay(arm, last, hinges)
         if not (tries and self._is_better("lobatto", (4, 8, 12))) and hinges == asymptotic:
             self._is_better("legendre", (4, asymptotic))
@@ -264,7 +266,7 @@ def _least_rigidity(arm: Arm, link: Link) -> float:
     if link.rigidity is not None:
         table = arm.rigidities[link.rigidity].of_flex(link.flex)
         if table.coupled:
-            return float(np.linalg.eigvalsh(table.rows.stiffness).min())
+            return float(1 / np.linalg.eigvalsh(np.linalg.inv(table.rows.stiffness)[:, :3, :3]).max())
         return table.stiffness_factor * min(min(column) for column in (table.ei_y, table.ei_z) if column is not None)
     ends = [arm.sections[name].properties[1:3] for name in (link.section, link.section_tip) if name]
     return arm.materials[link.material or ""].young * min(min(end) for end in ends)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.beam_slides import Stations, stations_of
-from flexlink.chain.beams import SectionBeam, TableBeam, points_between
+from flexlink.chain.beams import SectionBeam, TableBeam, inertias, points_between
 from flexlink.chain.builder import Builder
 from flexlink.chain.compliance import cell_constants, coupled_constants, spring_constants
 from flexlink.chain.coordinates import Kind
@@ -60,7 +60,7 @@ def add_beam(
         return []
     segments, stations = segments_of(link, rule, beam, nodes), None
     rest, fixed = _turns(link, rule, nodes)
-    if link.strains and isinstance(beam, SectionBeam):
+    if link.strains:
         stations = stations_of(link, beam, nodes, weights, [body for body, _, _ in segments])
     rotors = np.zeros((3, len(nodes))) if stations is None else stations.inertias.copy()
     rotors[TWIST - 1] += _twist_rotors(link, rule, beam, nodes, weights)
@@ -83,6 +83,9 @@ def add_beam(
         return []
     if rule.cells is not None and body is not None:
         builder.body.lent = rule.cells.lent(body.mass, end[0])
+    if isinstance(beam, TableBeam) and beam.table.coupled:
+        moves = hinges | {(SLIDES + axis, station): row for (axis, station), row in slides.items()}
+        return [_springs_of_sections(builder, link, beam, nodes, weights, moves)]
     springs = [_springs(builder, link, beam, nodes, weights, hinges)]
     if stations is not None:
         axes, at = np.array(list(slides)).T
@@ -156,8 +159,6 @@ def _springs(
 ) -> Springs:
     """Springs of a beam's hinges, and their couplings in cells."""
     rule, rows = lumping_rule(link.lumping), np.array(list(places.values()), dtype=np.intp)
-    if isinstance(beam, TableBeam) and beam.table.coupled:
-        return _springs_of_sections(builder, link, coupled_constants(beam, rule, nodes, weights), places, rows)
     among = np.array([axis * len(nodes) + hinge for axis, hinge in places], dtype=np.intp)
     if rule.cells is not None:
         return _springs_of_cells(builder, link, rule.cells, beam, len(nodes), places, rows, among)
@@ -174,15 +175,19 @@ def _springs(
     return Springs(link, rows, none, constants)
 
 
-def _springs_of_sections(builder: Builder, link: Link, K: Array, places: Places, rows: NDArray[np.intp]) -> Springs:
-    """As `_springs`, for K (cells, 3, p, 3, p) of sections that couple axes: all hinges of a cell are coupled."""
-    first, p = len(builder.couplings), K.shape[2]
-    own, both = [K[i // p, a, i % p, a, i % p] for a, i in places], list[float]()
+def _springs_of_sections(
+    builder: Builder, link: Link, beam: TableBeam, nodes: Array, weights: Array, moves: Places
+) -> Springs:
+    """As `_springs`, for sections that couple axes: all hinges and slides of a cell or station are coupled."""
+    K = coupled_constants(beam, lumping_rule(link.lumping), nodes, weights)
+    first, p, row = len(builder.couplings), K.shape[2], {axis: k for k, axis in enumerate(beam.directions)}
+    places = dict(sorted(moves.items(), key=lambda move: move[1]))
+    own, both = [K[i // p, row[a], i % p, row[a], i % p] for a, i in places], list[float]()
     for cell, members in itertools.groupby(places, lambda place: place[1] // p):
         for (a, i), (b, j) in itertools.combinations(members, 2):
             builder.couplings.append((places[a, i], places[b, j], 0.0, 0.0))
-            both.append(float(K[cell, a, i % p, b, j % p]))
-    given = np.array(own), np.array(both)
+            both.append(float(K[cell, row[a], i % p, row[b], j % p]))
+    given, rows = (np.array(own), np.array(both)), np.array(list(places.values()), dtype=np.intp)
     return Springs(link, rows, slice(first, len(builder.couplings)), lambda young, shear: given)
 
 
@@ -265,7 +270,7 @@ def _segments(beam: SectionBeam | TableBeam, nodes: bytes) -> list[Segment]:
     edges = np.array([0.0, *np.frombuffer(nodes), 1.0])
     slices = zip(*beam.slices(edges), np.diff(edges) * beam.length, strict=True)
     return [
-        (SpatialInertia(float(mass), np.array([center, 0, 0]), np.diag(inertia)) if length > 0 else None,
+        (SpatialInertia(float(mass), center, inertia) if length > 0 else None,
          part, np.array([length, 0, 0]))
         for part, (mass, center, inertia, length) in zip(itertools.pairwise(edges.tolist()), slices, strict=True)
     ]  # fmt: skip
@@ -290,6 +295,9 @@ def _cell_segments(beam: SectionBeam | TableBeam, cells: Cells, count: int) -> l
     mass = beam.slices(edges)[0]
     l = lengths * beam.length
     center = l * beam.masses(nodes, edges[1:]) / mass
+    if beam.off_axis:
+        text = "its cells need sections whose mass is centred on the axis, with principal axes y and z; use 'gauss'"
+        raise ArgumentError(text, id="cells-off-axis")
     J = np.array([_cell_inertia(beam, cells, i, nodes, edges) for i in range(count + 1)]) - mass * center**2
     rounding = 16 * np.finfo(float).eps * l * (cells.hinges * l.max()) * (cells.hinges * mass.max())
     given = cells.lent(mass[-1], l[-1])
@@ -309,10 +317,9 @@ def _cell_segments(beam: SectionBeam | TableBeam, cells: Cells, count: int) -> l
         else:
             text = f"tip = {cells.tip:g}: {text}a smaller tip in the rule"
         raise ArgumentError(text, id="segment-inertia-negative")
-    y, z = l * beam.rotary(nodes)
-    moments = np.column_stack([y + z, J + y, J + z])
+    moments = l[:, None, None] * beam.rotary(nodes) + inertias(np.zeros(len(J)), J, J)
     return [
-        (SpatialInertia(float(m), np.array([c, 0, 0]), np.diag(I)), part, np.array([length, 0, 0]))
+        (SpatialInertia(float(m), np.array([c, 0, 0]), I), part, np.array([length, 0, 0]))
         for part, m, c, I, length in zip(itertools.pairwise(edges.tolist()), mass, center, moments, l, strict=True)
     ]
 

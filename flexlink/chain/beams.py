@@ -42,9 +42,15 @@ class SectionBeam:
         """Positions of kinks; this beam has none."""
         return np.empty(0)
 
+    @property
+    def off_axis(self) -> bool:
+        """Whether the mass of any section is not centred on the axis, or its principal axes are not y and z."""
+        return False
+
     def rotary(self, x: Array) -> Array:
-        """ρI_y and ρI_z at every x, shape (2, *x.shape) [kg m]."""
-        return self.density * self.sections(x)[1:3]
+        """Inertia per length of the sections about the axis, shape (*x.shape, 3, 3) [kg m]."""
+        i_y, i_z = self.density * self.sections(x)[1:3]
+        return inertias(i_y + i_z, i_y, i_z)
 
     def polar_moments(self, nodes: Array) -> tuple[Array, Array]:
         """∫ p dx and ∫ x p dx, p = ρ (I_y + I_z) L, from each node to the next, or from the last to the end [kg m²]."""
@@ -77,7 +83,7 @@ class SectionBeam:
         return np.asarray((area * GAUSS_WEIGHTS).sum(axis=1) * (end - start) / 2)
 
     def slices(self, edges: Array) -> tuple[Array, Array, Array]:
-        """Mass (N,), distance of the centre from the slice's start (N,), and inertias about it (N, 3) between edges.
+        """Mass (N,), centre from the slice's start (N, 3), and inertias about it (N, 3, 3) between edges.
 
         Four Gauss points are exact for sections whose area is quadratic and whose I are of degree 4 in x. For a prism
         I_xx = ρl (I_y + I_z), I_yy = ρl I_y + m l²/12, I_zz = ρl I_z + m l²/12.
@@ -90,7 +96,15 @@ class SectionBeam:
         center = (areas * u * length).sum(axis=1) / mass
         bending = (areas * (u * length - center[:, None]) ** 2).sum(axis=1)
         y, z = i_y.sum(axis=1), i_z.sum(axis=1)
-        return mass, center, np.array([y + z, y + bending, z + bending]).T
+        return mass, np.outer(center, [1.0, 0.0, 0.0]), inertias(y + z, y + bending, z + bending)
+
+
+def inertias(*parts: Array) -> Array:
+    """Matrices of I_x, I_y, I_z and, if given, I_yz, I_xy, I_xz, shape (N, 3, 3)."""
+    found = np.zeros((*parts[0].shape, 3, 3))
+    for part, (i, j) in zip(parts, ((0, 0), (1, 1), (2, 2), (1, 2), (0, 1), (0, 2)), strict=False):
+        found[..., i, j] = found[..., j, i] = part
+    return found
 
 
 GAUSS = np.polynomial.legendre.leggauss(4)
@@ -119,6 +133,7 @@ class TableBeam:
 
     length: float
     table: Rigidity
+    strains: tuple[int, ...] = ()  # that its link has: 0 stretch along X, 1 and 2 shear along Y and Z
 
     @property
     def knots(self) -> Array:
@@ -130,28 +145,48 @@ class TableBeam:
         x = self.table.rows.x
         return np.asarray(x / x[-1])
 
+    @property
+    def directions(self) -> list[int]:
+        """Rows of K of a section: curvatures (0, 1, 2), and the `strains` of the link (3, 4, 5); others are free."""
+        return [0, 1, 2, *(3 + axis for axis in self.strains)]
+
+    @property
+    def off_axis(self) -> bool:
+        """Whether the mass of any section is not centred on the axis, or its principal axes are not y and z."""
+        _, y, z, *_, yz = self.table.rows.masses
+        return bool(np.any([y, z, yz]))
+
     def per_length(self, x: Array) -> Array:
-        """ρA [kg/m], ρI_y and ρI_z [kg m] at every x, shape (3, *x.shape); at a jump, the value of the outward side."""
+        """Masses of the sections at every x, (7, *x.shape), see `Rows`; at a jump, the value of the outward side."""
         return np.array([np.interp(x, self._places, column) for column in self.table.rows.masses])
 
     def rigidities(self, x: Array) -> Array:
         """GJ, EI_y, EI_z at every x, shape (3, *x.shape) [N m²]."""
         return np.array([np.interp(x, self._places, column) for column in self.table.rows.rigidities])
 
-    def stiffness(self, x: Array) -> Array:
-        """K of the sections, with couplings, at every x, shape (N, 3, 3) [N m²]."""
-        rows = self.table.rows.stiffness.reshape(-1, 9).T
-        return np.array([np.interp(x, self._places, column) for column in rows]).T.reshape(-1, 3, 3)
+    def compliance(self, x: Array) -> Array:
+        """Strains of the sections (3 or 6) by forces in `directions`, at every x, shape (N, strains, directions)."""
+        rows = self.table.rows.stiffness
+        K = [np.interp(x, self._places, column) for column in rows.reshape(len(rows), -1).T]
+        return np.asarray(np.linalg.inv(np.transpose(K).reshape(-1, *rows.shape[1:]))[:, :, self.directions])
 
     def rotary(self, x: Array) -> Array:
-        """ρI_y and ρI_z at every x, shape (2, *x.shape) [kg m]."""
-        return self.per_length(x)[1:]
+        """Inertia per length of the sections about the axis, shape (*x.shape, 3, 3) [kg m]."""
+        return inertias(*self.per_length(x)[3:])
 
     def polar_moments(self, nodes: Array) -> tuple[Array, Array]:
-        """∫ p dx and ∫ x p dx, p = (ρI_y + ρI_z) L, from each node to the next, or from the last to the end [kg m²]."""
+        """∫ p dx and ∫ x p dx, p = I_x L about centres of mass, from each node to the next, or to the end [kg m²]."""
         owner, x, weight = points_between(np.append(nodes, 1.0), self.knots)
-        polar = weight * self.length * self.rotary(x).sum(axis=0)
+        mass, y, z, polar, *_ = weight * self.length * self.per_length(x)
+        polar = polar - (y**2 + z**2) / mass
         return _sums(owner, polar, len(nodes)), _sums(owner, x * polar, len(nodes))
+
+    def moments(self, nodes: Array) -> tuple[Array, Array]:
+        """As `polar_moments` for p = L (ρA, I_y, I_z), (3, N) each [kg, kg m²]."""
+        owner, x, weight = points_between(np.append(nodes, 1.0), self.knots)
+        parts = weight * self.length * self.per_length(x)[[0, 4, 5]]
+        first, second = (np.array([_sums(owner, p, len(nodes)) for p in each]) for each in (parts, x * parts))
+        return first, second
 
     def masses(self, start: Array, end: Array) -> Array:
         """∫ ρA dx from each start to its end [kg], (N,), negative if the end is before the start."""
@@ -163,27 +198,29 @@ class TableBeam:
         return np.asarray(up_to[len(start) :] - up_to[: len(start)])
 
     def slices(self, edges: Array) -> tuple[Array, Array, Array]:
-        """Mass (N,), distance of the centre from the slice's start (N,), and inertias about it (N, 3) between edges."""
+        """Mass (N,), centre from the slice's start (N, 3), and inertias about it (N, 3, 3) between edges."""
         owner, x, weight = points_between(edges, self.knots)
 
         def total(part: Array) -> Array:
             return _sums(owner, part, len(edges) - 1)
 
-        mass_at, y_at, z_at = weight * self.length * self.per_length(x)
+        parts = weight * self.length * self.per_length(x)
         away = (x - edges[owner]) * self.length
-        mass, y, z = total(mass_at), total(y_at), total(z_at)
-        center = total(mass_at * away) / mass
-        bending = total(mass_at * (away - center[owner]) ** 2)
-        return mass, center, np.column_stack([y + z, y + bending, z + bending])
+        mass, my, mz, I_x, I_y, I_z, I_yz = map(total, parts)
+        center = np.array([total(parts[0] * away), my, mz]) / mass
+        away, (_, y, z) = away - center[0, owner], center
+        bending, xy, xz = (total(part * away) for part in (parts[0] * away, -parts[1], -parts[2]))
+        I_y, I_z = I_y + bending - mass * z**2, I_z + bending - mass * y**2
+        return mass, center.T, inertias(I_x - mass * (y**2 + z**2), I_y, I_z, I_yz + mass * y * z, xy, xz)
 
     def flexibility(self, edges: Array, degree: int) -> tuple[Points, Array]:
         """Gauss points for ∫ f/GJ, f/EI_y, f/EI_z, f of this degree, and L/GJ, L/EI_y, L/EI_z there, (3, points).
 
-        Of coupled sections: for ∫ f K⁻¹, and L K⁻¹, (3, 3, points).
+        Of coupled sections: for ∫ f K⁻¹, and L K⁻¹ in its `directions`, (directions, directions, points).
         """
         found = points_between(edges, _fine(self.table), np.polynomial.legendre.leggauss(12 + degree // 2))
         if self.table.coupled:
-            return found, np.asarray(self.length * np.linalg.inv(self.stiffness(found[1])).transpose(1, 2, 0))
+            return found, self.length * self.compliance(found[1])[:, self.directions].transpose(1, 2, 0)
         return found, self.length / self.rigidities(found[1])
 
 
@@ -191,7 +228,7 @@ def table_of(arm: Arm, link: Link) -> TableBeam | None:
     """The beam of a link with a table of rigidities; None without one."""
     if link.rigidity is None:
         return None
-    return TableBeam(link.beam.length, arm.rigidities[link.rigidity].of_flex(link.flex))
+    return TableBeam(link.beam.length, arm.rigidities[link.rigidity].of_flex(link.flex), link.strain_axes)
 
 
 def _sums(owner: NDArray[np.intp], parts: Array, count: int) -> Array:

@@ -16,7 +16,8 @@ For constant EI this is the K of `schemes.cells`. If ℓ_j would give a hinge a 
 times the compliance of its interval, as next to a jump, all hinges of the element use this compliance (order 2).
 
 With sections that couple axes, K⁻¹ takes the place of 1/EI, M is the vector of moments, c_j is a matrix (3, 3), and F
-and K of a cell have such blocks.
+and K of a cell have such blocks. If the beam stretches or shears, M also contains the forces in these directions, and
+c_j their rows and columns of K⁻¹, up to (6, 6): forces in other directions do no work, so their strains are free.
 """
 
 import numpy as np
@@ -35,8 +36,8 @@ MOST_NODES = 100
 
 
 def spring_constants(beam: TableBeam, rule: LumpingRule, nodes: Array, weights: Array) -> Array:
-    """1/c_j of every hinge about X, Y and Z, shape (3, N), or c_j⁻¹ of coupled sections, (3, 3, N) [N m/rad]."""
-    axes = (3, 3) if beam.table.coupled else (3,)
+    """1/c_j of every hinge about X, Y and Z, (3, N), or c_j⁻¹ of coupled sections in their `directions`, (d, d, N)."""
+    axes = (len(beam.directions),) * (2 if beam.table.coupled else 1)
     given = np.empty((*axes, len(nodes)))
     for which, edges, stretches in _panels(rule, nodes, weights):
         by_intervals = np.empty((*axes, len(stretches)))  # w_j times the mean of L/EI over the interval of each hinge
@@ -74,7 +75,7 @@ def cell_constants(beam: TableBeam, cells: Cells, count: int) -> Array:
 
 
 def coupled_constants(beam: TableBeam, rule: LumpingRule, nodes: Array, weights: Array) -> Array:
-    """K of every cell, or of every hinge (p = 1), of coupled sections, shape (cells, 3, p, 3, p) [N m/rad]."""
+    """K of every cell, or of every hinge (p = 1), of coupled sections, shape (cells, d, p, d, p) [N m/rad]."""
     if rule.cells is None:
         return np.asarray(spring_constants(beam, rule, nodes, weights).T[:, :, None, :, None])
     cell, p, parts = rule.cells.cell, rule.cells.hinges, len(nodes) // rule.cells.hinges
@@ -87,15 +88,15 @@ def coupled_constants(beam: TableBeam, rule: LumpingRule, nodes: Array, weights:
     return np.asarray(both.T @ np.linalg.solve(F.reshape(parts, 3 * p, 3 * p), both)).reshape(-1, 3, p, 3, p)
 
 
-def coupled_curvatures(beam: TableBeam, rule: LumpingRule, hinges: tuple[Array, Array], angles: Array) -> Array:
-    """κ = K⁻¹ M of coupled sections at hinges, or Gauss points of cells, (…, N, 3), for angles (…, N, 3)."""
-    K, x = coupled_constants(beam, rule, *hinges), hinges[0]
-    each = angles.reshape(*angles.shape[:-2], len(K), K.shape[2], 3)
+def section_forces(beam: TableBeam, rule: LumpingRule, hinges: tuple[Array, Array], moved: Array) -> Array:
+    """Forces in `directions` of coupled sections at hinges, or Gauss points of cells, for their movements (…, N, d)."""
+    K = coupled_constants(beam, rule, *hinges)
+    each = moved.reshape(*moved.shape[:-2], len(K), K.shape[2], K.shape[1])
     M = np.einsum("eaibj,...ejb->...eia", K, each)
     if rule.cells is not None:
-        WC, x = rule.cells.cell.weights[:, None] * rule.cells.cell.curvature, rule.cells.gauss_points(len(x))
+        WC = rule.cells.cell.weights[:, None] * rule.cells.cell.curvature
         M = np.einsum("qi,...eia->...eqa", np.linalg.inv(WC.T), M)
-    return np.asarray(np.linalg.solve(beam.stiffness(x), M.reshape(*angles.shape, 1))[..., 0])
+    return np.asarray(M.reshape(moved.shape))
 
 
 def curvatures(beam: TableBeam, rule: LumpingRule, hinges: tuple[Array, Array], angles: Array) -> Array:

@@ -184,7 +184,7 @@ class Link(Spec, frozen=True):
             raise SceneError(f"{given}; to make it bend, set flex = 'z', 'yz' or 'xyz'", id="rigid-segments")
         if self.strains:
             remedy = "set flex = 'z', 'yz' or 'xyz'"
-            text = f"{self._strains}: a rigid link does neither shear nor stretch; {remedy}"
+            text = f"{self.strain_keys}: a rigid link does neither shear nor stretch; {remedy}"
             raise SceneError(text, id="rigid-strains")
         if self.rigidity is not None and length == 0:
             why = "a link with a rigidity needs a length > 0 or a line (default: 0)"
@@ -204,10 +204,9 @@ class Link(Spec, frozen=True):
             raise missing("material, section", "a flexible link needs a material and a section, or a rigidity")
         if self.modes is not None and self.strains:
             why = f"modes = {self.modes!r}: strain modes have no shear or stretch; leave out modes"
-            raise SceneError(f"{self._strains}: {why}", id="modes-without-strains")
-        if self.rigidity is not None and self.strains:
-            why = f"rigidity = {self.rigidity!r} has no stiffness for it; use a material and a section"
-            raise SceneError(f"{self._strains}: {why}", id="strains-need-a-section")
+            raise SceneError(f"{self.strain_keys}: {why}", id="modes-without-strains")
+        if self.rigidity is not None and type(self.shear) is float:
+            raise self._refused("shear", "a table contains the stiffness for it; set it to true", "shear-of-a-table")
 
     def _check_curved(self, length: float) -> None:
         given = ", ".join(key for key in ("curvature", "twist", "thermal") if getattr(self, key))
@@ -234,7 +233,13 @@ class Link(Spec, frozen=True):
         return bool(self.shear) or self.stretch
 
     @property
-    def _strains(self) -> str:
+    def strain_axes(self) -> tuple[int, ...]:
+        """Axes along which the link stretches (0: x) or shears (y and z, in the planes in which it bends)."""
+        sheared = [{3: 1, 2: 2}[axis] for axis in AXES[self.flex] if axis > 1] if self.shear else []
+        return (*([0] if self.stretch else []), *sorted(sheared))
+
+    @property
+    def strain_keys(self) -> str:
         """The keys of the strains that the link has besides bending and twist, for messages."""
         given = ("shear", self.shear), ("stretch", self.stretch)
         return ", ".join(f"{key} = {str(value).lower()}" for key, value in given if value)

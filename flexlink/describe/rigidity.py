@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple, cast
 
 import msgspec
 import numpy as np
@@ -26,6 +26,8 @@ HELD = {"z": ("ei_z",), "yz": ("ei_y", "ei_z"), "xyz": ("ei_y", "ei_z", "gj")}
 """Rigidities that a link needs, by its flex."""
 COUPLED = {"k_xy": ("gj", "ei_y"), "k_xz": ("gj", "ei_z"), "k_yz": ("ei_y", "ei_z")}
 """Couplings of two axes, and the rigidities about them."""
+Matrices = tuple[tuple[float | tuple[float, ...], ...], ...]
+"""A matrix for the complete beam, or one per row of x."""
 
 
 class Rigidity(Spec, frozen=True):
@@ -38,6 +40,13 @@ class Rigidity(Spec, frozen=True):
     Moments of a section with couplings, such as a composite blade, follow from its twist and curvature by
 
         (M_x, M_y, M_z) = K (twist, κ_y, κ_z)        K = [[GJ, K_xy, K_xz], [K_xy, EI_y, K_yz], [K_xz, K_yz, EI_z]]
+
+    `stiffness` and `mass` are matrices 6 × 6 instead of columns, with stretch ε and shear γ, in axes of the section:
+
+        (N, Q_y, Q_z, M_x, M_y, M_z) = K (ε, γ_y, γ_z, twist, κ_y, κ_z)                 momenta = M (v_x, …, ω_x, …)
+
+    In a link without `shear` or `stretch` these strains follow from zero forces in their directions (K is condensed),
+    and curvatures about axes about which it does not bend are zero.
 
     Examples
     --------
@@ -69,10 +78,18 @@ class Rigidity(Spec, frozen=True):
     """Inertia per length about the section's y, ∫ ρ z² dA [kg m]. Default: 0, for a thin beam."""
     rho_i_z: Annotated[tuple[NonNegative, ...] | None, measured_in("kg m")] = None
     """Inertia per length about the section's z, ∫ ρ y² dA [kg m]. Default: 0, for a thin beam."""
+    stiffness: Annotated[Matrices | None, measured_in("N", "N m", "N m²")] = None
+    """K of the sections, 6 × 6, instead of EI, GJ and couplings: one for the complete beam, or one per row of x; of
+    forces by strains [N], by curvatures [N m], and of moments by curvatures [N m²]."""
+    mass: Annotated[Matrices | None, measured_in("kg/m", "kg", "kg m")] = None
+    """M of the sections about the beam's axis, 6 × 6, instead of ρA and ρI: mass per length [kg/m], its first moments
+    m y and m z [kg], and inertia I_x, I_y, I_z, I_yz [kg m]."""
+    relative: bool = False
+    """Whether x is relative to the beam's length, from 0 to 1 [1]."""
     file: str | None = None
     """A CSV file instead of columns, with headers "x [m]", "EI_z [N m²]", "EI_y [N m²]", "GJ [N m²]", "K_xy [N m²]",
-    "K_xz [N m²]", "K_yz [N m²]", "rhoA [kg/m]", "rhoI_y [kg m]", "rhoI_z [kg m]". The path is relative to the scene's
-    folder; the file is read once."""
+    "K_xz [N m²]", "K_yz [N m²]", "rhoA [kg/m]", "rhoI_y [kg m]", "rhoI_z [kg m]"; or a blade file of BeamDyn.
+    The path is relative to the scene's folder; the file is read once."""
     loss_time: Annotated[NonNegative, measured_in("s")] = 0.0
     """Kelvin-Voigt loss time η [s], as for a material."""
     stiffness_factor: Positive = 1.0
@@ -87,16 +104,54 @@ class Rigidity(Spec, frozen=True):
         check_rows(self, self.x)
         for name in COLUMNS:
             column = getattr(self, name)
-            if column is not None and len(column) != len(self.x):
+            instead = name.startswith("rho") and self.mass is not None and not column
+            if column is not None and len(column) != len(self.x) and not instead:
                 raise self._refused(name, f"expected one number per row of x, {len(self.x)}", "one-per-row")
+        if self.relative and abs(self.x[-1] - 1) > 1e-9:  # rounding of positions in a file
+            raise self._refused("relative", f"x is {self.x[-1]:g} at the end; expected 1", "rigidity-table")
+        for name in ("stiffness", "mass"):
+            self._check_matrices(name)
         self._check_couplings()
+
+    def _check_matrices(self, name: str) -> None:
+        """Refuse matrices beside columns, of another shape or not symmetric, and masses that no section has."""
+        if (value := getattr(self, name)) is None:
+            return
+        for column in COLUMNS:
+            if column.startswith("rho") == (name == "mass") and getattr(self, column):
+                raise both_given(name, value, column)
+        try:
+            given = np.array(value, dtype=np.float64)
+        except ValueError:  # rows of different lengths
+            given = np.empty(0)
+        if given.shape not in {(6, 6), (len(self.x), 6, 6)}:
+            raise self._refused(name, f"expected a 6 × 6 matrix, or one per row of x, {len(self.x)}", "one-per-row")
+        for row, matrix in enumerate(self.matrices(name)):
+            like = _section_mass(matrix) if name == "mass" else matrix.T
+            rounding, sizes = 1e-6, np.sqrt(np.abs(np.diag(matrix)))  # relative, of numbers in files
+            wrong = np.argwhere(np.abs(matrix - like) > rounding * np.outer(sizes, sizes))
+            if len(wrong):
+                i, j = wrong[0].tolist()
+                text = f"{name}[{row}][{i}][{j}] = {matrix[i, j].item()!r}: expected {like[i, j].item()!r}"
+                why = "M of a section with its centre of mass at (y, z)" if name == "mass" else "K is symmetric"
+                raise SceneError(f"{text}: {why}", id="section-matrix")
+            centred = matrix if name == "stiffness" else _section_inertia(matrix)
+            most = 0.0 if name == "stiffness" else -rounding * max(np.trace(centred), np.finfo(float).tiny)
+            if (least := np.linalg.eigvalsh(centred).min()) <= most:
+                text = f"{name}[{row}]: " + ("K" if name == "stiffness" else "the inertia about the centre of mass")
+                why = f"is not positive definite; its least eigenvalue is {least:.3g}"
+                raise SceneError(f"{text} {why}", id="section-not-stiff")
+
+    def matrices(self, name: str) -> Array:
+        """`stiffness` or `mass` of every row, shape (rows, 6, 6)."""
+        return np.broadcast_to(np.array(getattr(self, name)), (len(self.x), 6, 6))
 
     def _check_couplings(self) -> None:
         """Refuse couplings without the rigidities about both axes, and sections that would give way by themselves."""
         for name, own in COUPLED.items():
             if getattr(self, name) is not None and (absent := [one for one in own if getattr(self, one) is None]):
                 raise self._refused(name, f"also needs {' and '.join(absent)}", "needs-another-key")
-        if self.coupled and (least := np.linalg.eigvalsh(self.rows.stiffness).min(axis=1)).min() <= 0:
+        if any(map(self._given, COUPLED)) and (least := np.linalg.eigvalsh(self.rows.stiffness).min(axis=1)).min() <= 0:
             row = int(np.argmin(least))
             name = max(filter(self._given, COUPLED), key=lambda name: abs(getattr(self, name)[row]))
             text = (
@@ -109,22 +164,29 @@ class Rigidity(Spec, frozen=True):
 
     @property
     def coupled(self) -> bool:
-        """Whether the sections couple two axes."""
-        return any(map(self._given, COUPLED))
+        """Whether the sections couple two axes, or are given as matrices."""
+        return self.stiffness is not None or any(map(self._given, COUPLED))
 
     def of_flex(self, flex: str) -> Rigidity:
         """The table of a link with this flex: without couplings to axes about which it does not bend."""
         held = HELD.get(flex, ())
+        if self.stiffness is not None and len(held) < len(HELD["xyz"]):
+            free = np.array([True, True, True, *(name in held for name in ("gj", "ei_y", "ei_z"))])
+            K = self.matrices("stiffness") * (np.outer(free, free) | np.eye(6, dtype=bool))
+            return self._replaced(stiffness=_tuples(K))
         ignored = [name for name, own in COUPLED.items() if self._given(name) and not {*own} <= {*held}]
-        return build_unchecked(msgspec.structs.replace, self, **dict.fromkeys(ignored)) if ignored else self
+        return self._replaced(**dict.fromkeys(ignored)) if ignored else self
+
+    def _replaced(self, **fields: Matrices | None) -> Rigidity:
+        return cast("Rigidity", build_unchecked(msgspec.structs.replace, self, **fields))
 
     def _read(self, file: str) -> None:
         """Fill the columns from a file, and clear `file`."""
-        for name in ("x", *COLUMNS):
+        for name in ("x", *COLUMNS, "stiffness", "mass", "relative"):
             if getattr(self, name):
                 raise both_given("file", file, name)
         try:
-            for name, column in _columns(Path(file)).items():
+            for name, column in (_blade(Path(file), self.loss_time) or _columns(Path(file))).items():
                 msgspec.structs.force_setattr(self, name, column)
         except (DataFileError, SceneError) as error:
             raise type(error)(f"file = {file!r}: {str(error).removeprefix(f'{file}: ')}") from None
@@ -132,14 +194,17 @@ class Rigidity(Spec, frozen=True):
 
     def lacks(self, flex: str) -> Iterator[str]:
         """Missing columns that a link with this flex needs, including rotary inertia if it twists."""
-        yield from (name for name in HELD.get(flex, ()) if getattr(self, name) is None)
-        if flex == "xyz" and not any(map(any, (self.rho_i_y or (), self.rho_i_z or ()))):
-            yield "rho_i_y or rho_i_z"
+        if self.stiffness is None:
+            yield from (name for name in HELD.get(flex, ()) if getattr(self, name) is None)
+        if flex == "xyz" and not self.rows.masses[3].any():
+            yield "rho_i_y or rho_i_z" if self.mass is None else "inertia about x in mass"
 
     def jump_at(self, x: float, flex: str) -> float | None:
-        """Position [m] of a jump of a needed rigidity (see `lacks`) at x [m], up to rounding; None if there is none."""
+        """Position of a jump of a needed rigidity (see `lacks`) at x, up to rounding; None if there is none."""
+        own = self.of_flex(flex)
+        columns = [getattr(own, name) or () for name in (*HELD[flex], *COUPLED)]
+        columns += [] if own.stiffness is None else [_tuples(own.matrices("stiffness"))]
         for k in range(1, len(self.x)):
-            columns = (getattr(self.of_flex(flex), name) or () for name in (*HELD[flex], *COUPLED))
             # relative distance below which two positions count as equal
             if self.x[k] == self.x[k - 1] and abs(x - self.x[k]) <= 1e-9 * self.x[-1]:
                 return self.x[k] if any(column[k] != column[k - 1] for column in columns if column) else None
@@ -174,22 +239,67 @@ def _columns(file: Path) -> dict[str, tuple[float, ...]]:
     return {name: tuple(column.tolist()) for name, column in found.items()}
 
 
+def _blade(file: Path, loss_time: float) -> dict[str, Any]:
+    """Values of a blade file of BeamDyn, in axes of the section; {} of another file."""
+    from flexlink.data.blade_file import read_blade  # noqa: PLC0415  few scenes name one
+
+    if (blade := read_blade(file)) is None:
+        return {}
+    x, stiffness, mass, loss_times = blade
+    own = [2, 0, 1, 5, 3, 4]  # BeamDyn's z is along the blade: our x, y, z are its z, x, y
+    turned = (_tuples(matrices[:, own][:, :, own]) for matrices in (stiffness, mass))
+    found = {"x": tuple(x.tolist()), "relative": True} | dict(zip(("stiffness", "mass"), turned, strict=True))
+    if loss_time == 0 and (len(set(loss_times)) > 1 or min(loss_times) < 0):
+        text = f"{file}: mu = {loss_times}: must be equal, for the one loss_time of a link; give loss_time"
+        raise DataFileError(text, id="unequal-loss-times")
+    return found | {"loss_time": loss_time or loss_times[0]}
+
+
+def _tuples(matrices: Array) -> Matrices:
+    return tuple(tuple(map(tuple, matrix)) for matrix in matrices.tolist())
+
+
+def _section_mass(matrix: Array) -> Array:
+    """The mass matrix of a section that has the mass, centre and inertia of a matrix (6, 6)."""
+    m, (mz, my) = matrix[0, 0], (matrix[0, 4], -matrix[0, 5])
+    across = np.array([[0.0, mz, -my], [-mz, 0.0, 0.0], [my, 0.0, 0.0]])  # −m [c]×
+    inertia = np.diag(np.diag(matrix)[3:])
+    inertia[1, 2] = inertia[2, 1] = matrix[4, 5]
+    return np.block([[m * np.eye(3), across], [across.T, inertia]])
+
+
+def _section_inertia(matrix: Array) -> Array:
+    """Inertia of a section about its centre of mass, (3, 3); of no mass, a negative one."""
+    across = matrix[:3, 3:]
+    return np.asarray(matrix[3:, 3:] - across.T @ across / matrix[0, 0]) if matrix[0, 0] > 0 else -np.eye(3)
+
+
 class Rows(NamedTuple):
     """A rigidity table as arrays."""
 
-    x: Array  # (rows,) [m]
+    x: Array  # (rows,) [m], or relative to the length
     rigidities: Array  # (3, rows) GJ, EI_y, EI_z [N m²], 1 if missing
-    stiffness: Array  # (rows, 3, 3) K of the sections [N m²], with couplings
-    masses: Array  # (3, rows) ρA [kg/m], ρI_y, ρI_z [kg m]
+    stiffness: Array  # (rows, 3, 3) K of twist, κ_y, κ_z [N m²], or (rows, 6, 6) with ε, γ_y, γ_z after them
+    masses: Array  # (7, rows) mass, first moments along y and z, I_x, I_y, I_z, I_yz about the axis, per length
 
 
 @functools.lru_cache(maxsize=64)
 def _rows(table: Rigidity) -> Rows:
     none, nothing = (1.0,) * len(table.x), (0.0,) * len(table.x)
-    rigidities = np.array([table.gj or none, table.ei_y or none, table.ei_z or none])
-    masses = np.array([table.rho_a, table.rho_i_y or nothing, table.rho_i_z or nothing])
-    K_xy, K_xz, K_yz = (getattr(table, name) or nothing for name in COUPLED)
-    gj, ei_y, ei_z = rigidities
-    stiffness = np.array([[gj, K_xy, K_xz], [K_xy, ei_y, K_yz], [K_xz, K_yz, ei_z]]).transpose(2, 0, 1)
+    if table.stiffness is not None:
+        turns_first = [3, 4, 5, 0, 1, 2]
+        stiffness = table.matrices("stiffness")[:, turns_first][:, :, turns_first]
+        rigidities = stiffness.diagonal(axis1=1, axis2=2).T[:3]
+    else:
+        rigidities = np.array([table.gj or none, table.ei_y or none, table.ei_z or none])
+        K_xy, K_xz, K_yz = (getattr(table, name) or nothing for name in COUPLED)
+        gj, ei_y, ei_z = rigidities
+        stiffness = np.array([[gj, K_xy, K_xz], [K_xy, ei_y, K_yz], [K_xz, K_yz, ei_z]]).transpose(2, 0, 1)
+    if table.mass is not None:
+        M = table.matrices("mass").transpose(1, 2, 0)
+        masses = np.array([M[0, 0], -M[0, 5], M[0, 4], M[3, 3], M[4, 4], M[5, 5], M[4, 5]])
+    else:
+        y, z = np.array(table.rho_i_y or nothing), np.array(table.rho_i_z or nothing)
+        masses = np.array([table.rho_a, nothing, nothing, y + z, y, z, nothing])
     factor = table.stiffness_factor
     return Rows(np.array(table.x), factor * rigidities, factor * stiffness, table.mass_factor * masses)

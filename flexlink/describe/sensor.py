@@ -255,8 +255,10 @@ def _misfits(sensor: Sensor, arm: Arm) -> Iterator[Diagnostic]:
     if beyond := beyond_beam(sensor.x, link):
         yield beyond
     elif kind == "strain" and link.rigidity in arm.rigidities and sensor.x is not None:
-        jump, aside = arm.rigidities[link.rigidity or ""].jump_at(sensor.x, link.flex), 1e-3 * link.beam.length
-        if jump is not None:  # the strain is ambiguous there
+        table, aside = arm.rigidities[link.rigidity or ""], 1e-3 * link.beam.length
+        unit = link.beam.length if table.relative else 1.0
+        if (place := table.jump_at(sensor.x / unit, link.flex)) is not None:  # the strain is ambiguous there
+            jump = place * unit
             remedy = f"move the gauge to one side, such as x = {jump - aside:.6g} or {jump + aside:.6g}"
             text = f"EI of link {link.name!r}, and so the strain, jumps there; {remedy}"
             yield Diagnostic(f"x = {sensor.x!r}: {text}", "gauge-on-jump")

@@ -76,7 +76,7 @@ def _clamp(arm: Arm, path: str, link: Link, u: float) -> Input:
     EI: Array = np.array(arm.bending_stiffness(link) or (0.0, 0.0))
     if link.rigidity is not None:
         table = arm.rigidities[link.rigidity]
-        EI = table.stiffness_factor * np.array([0.0 if ei is None else ei[0] for ei in (table.ei_y, table.ei_z)])
+        EI = table.rows.rigidities[1:, 0]
     bends = {"z": (2,), "yz": (1, 2), "xyz": (1, 2)}[link.flex]
     axes = {k: ROOT_AXES[int(np.abs(link.beam.frame[:, k]).argmax())] for k in bends}
     # EI / L [N m/rad] at the root of the beam, by the axes of the link's frame that are nearest to those of bending

@@ -16,6 +16,7 @@ from flexlink.diagnosis.patterns import Discrepancy, any_difference, fewer_digit
 from flexlink.engines.actuators import limits
 from flexlink.engines.coordinates import BASE_JOINTS
 from flexlink.engines.read_back import ACTUATOR_FIELDS, AXIS_FIELDS, BODY_FIELDS, COUPLED_FIELDS, JOINT_FIELDS, ReadBack
+from flexlink.formats.mjcf import levers_of
 
 EXACT = 1e-12  # relative tolerance for copied numbers
 PLACED = 1e-11  # relative tolerance for numbers that are rotated into frame 0 joint by joint
@@ -111,9 +112,11 @@ def _numbers_of_tendons(ours: ReadBack, theirs: ReadBack) -> list[Finding]:
 
 
 def _shared(read: ReadBack, field: str) -> Array:
-    """Σ_j |K_ij|, or Σ_j |D_ij|, for each joint i, shape (n,)."""
+    """Σ_j |K_ij|/c_ij, or Σ_j |D_ij|/c_ij, for each joint i, shape (n,)."""
     coupled = next(name for name, own in COUPLED_FIELDS.items() if own == field)
-    return np.asarray(np.abs(getattr(read, coupled)).sum(axis=1))
+    slides, across = read.slides, np.abs(read.axes @ read.axes.T) < 0.5  # about two axes of a section
+    levers = levers_of(read.stiffness[:, None], read.stiffness, across | (slides != slides[:, None]))
+    return np.asarray((np.abs(getattr(read, coupled)) / levers).sum(axis=1))
 
 
 def _numbers(ours: ReadBack, theirs: ReadBack, format: str) -> list[Finding]:

@@ -11,7 +11,7 @@ For a link that is curved at rest, θ is measured from the rest angles, and κ f
 The axis is strained, ε₀ = u/(w L) from the slide u of a station, if the link stretches; otherwise ε₀ = 0.
 
 If EI is given by a table, κ = M/EI at these points, where M is the moment in the springs; κ = K⁻¹ M if sections couple
-axes.
+axes, which yields ε₀ too if K is 6 × 6.
 
 If springs act on rotation vectors φ, these replace θ, and cells with two of them add −φ₁ × φ₂ / (6 h) to κ.
 """
@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import beyond_float64, require_type, vector
 from flexlink.chain.beams import table_of
-from flexlink.chain.compliance import coupled_curvatures, curvatures
+from flexlink.chain.compliance import curvatures, section_forces
 from flexlink.chain.coordinates import Kind
 from flexlink.chain.lumping import lump, open_chain
 from flexlink.common.errors import ArgumentError
@@ -93,6 +93,11 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
     >>> print(gauge.x.round(3), (1e6 * gauge.strain).round(1))  # m from the root; µm/m
     [0.211 0.789] [194.2 114.8]
     """
+    return strains_in(scene, q, link, fibre)[0]
+
+
+def strains_in(scene: Scene, q: ArrayLike, link: str | int, fibre: ArrayLike) -> tuple[BeamStrain, Array]:
+    """As `beam_strain`, and all strains of sections given by a coupled table, (…, hinges, 3 or 6), as in its `Rows`."""
     chain, arm = lump(open_chain(require_type("scene", scene, Scene))), scene.arm
     number = arm.number(link)
     bent, (y, z) = arm.links[number - 1], vector("fibre", fibre, 2)
@@ -105,28 +110,36 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
     cells = rule.cells
     curvature, held = np.zeros((2, *angles.shape[:-1], len(nodes), 3))
     beam = table_of(arm, bent)
+    coupled, strains = beam is not None and beam.table.coupled, np.empty(0)
     h = length * (cells.hinges if cells is not None else 1) / len(nodes)
     with np.errstate(over="ignore", invalid="ignore"):
+        moved = held_angles(chain, angles) - chain.rest
         for axis in AXES[bent.flex]:
             hinges = [chain.index(number, segment, axis) for segment in range(1, len(nodes) + 1)]
-            θ = held[..., axis - 1] = (held_angles(chain, angles) - chain.rest)[..., hinges]
-            if beam is not None and not beam.table.coupled:
+            θ = held[..., axis - 1] = moved[..., hinges]
+            if beam is not None and not coupled:
                 curvature[..., axis - 1] = curvatures(beam, rule, (nodes, weights), θ)[axis - 1]
             elif cells is None:
                 curvature[..., axis - 1] = θ / (weights * length)
             else:
                 curvature[..., axis - 1] = cells.cell.curvatures(θ, h)
-        if beam is not None and beam.table.coupled:
-            curvature = coupled_curvatures(beam, rule, (nodes, weights), held)
+        stations = (chain.where(Kind.STRAIN, link=number, axis=Kind.STRAIN.first + axis) for axis in bent.strain_axes)
+        stretched = [moved[..., rows] for rows in stations]
+        if beam is not None and coupled:
+            each = np.concatenate([held, *(part[..., None] for part in stretched)], axis=-1)
+            forces = section_forces(beam, rule, (nodes, weights), each)
+            strains = (beam.compliance(known_at(scene, number)) @ forces[..., None])[..., 0]
+            curvature = strains[..., :3]
         if chain.bodies["springs"][chain.body(hinges[0])] == SPRINGS.cell:
             curvature -= np.repeat(cross(held[..., ::2, :], held[..., 1::2, :]) / (6 * h), 2, axis=-2)
         strain = z * curvature[..., 1] - y * curvature[..., 2]
-        if bent.stretch:
-            stretched = chain.where(Kind.STRAIN, link=number, axis=Kind.STRAIN.first)
-            strain += angles[..., stretched] / (weights * length)
+        if strains.shape[-1] > 3:
+            strain += strains[..., 3]
+        elif bent.stretch:
+            strain += stretched[0] / (weights * length)
     if not (is_finite(curvature.reshape(-1)) and is_finite(strain.reshape(-1))):
         raise beyond_float64("a strain", q=angles, fibre=[y, z])
-    return BeamStrain(known_at(scene, number) * length, curvature, strain)
+    return BeamStrain(known_at(scene, number) * length, curvature, strain), strains
 
 
 def known_at(scene: Scene, number: int) -> Array:

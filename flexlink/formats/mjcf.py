@@ -32,7 +32,7 @@ from flexlink.chain.forces import refuse_states
 from flexlink.chain.rigid import HERE, Pose, quaternion_from_matrix, rates_matrices, rotations_of
 from flexlink.common.errors import ArgumentError
 from flexlink.common.products import dot, product
-from flexlink.common.types import Array, Indices
+from flexlink.common.types import Array, Indices, Mask
 from flexlink.describe.arm import BASE
 from flexlink.describe.rigid_body import ROUNDING
 from flexlink.describe.scene import Scene
@@ -312,8 +312,9 @@ def _body(parent: ET.Element, name: str, frame: Pose) -> ET.Element:
 #
 #     K_ii − Σ_j |K_ij|        D_ii − Σ_j |D_ij|
 #
-# which must not be negative. Without `springlength` a tendon is slack at the joints' `springref`, like their springs.
-# If K_ij and D_ij have different signs, the damper gets a separate tendon.
+# which must not be negative. For joints about or along two axes the length is θ_i ± c θ_j with a power of two c near
+# √(K_jj / K_ii), and the joints keep K_ii − |K_ij|/c and K_jj − c |K_ij|. Without `springlength` a tendon is slack at
+# the joints' `springref`, like their springs. If K_ij and D_ij have different signs, the damper gets a separate tendon.
 
 
 SHARED = {"stiffness": ("springs", "N m/rad"), "damping": ("dampers", "N m s/rad")}
@@ -330,14 +331,16 @@ def add_tendons(root: ET.Element, chain: Chain, joints: Sequence[str]) -> None:
         numbers = {"stiffness": decimals([stiffness]), "damping": decimals([damping])}
         tendon = ET.SubElement(parent, "fixed", {"name": name} | numbers)
         ET.SubElement(tendon, "joint", joint=joints[inner], coef="1")
-        ET.SubElement(tendon, "joint", joint=joints[outer], coef=str(sign))
+        ET.SubElement(tendon, "joint", joint=joints[outer], coef=f"{sign:g}")
 
 
 def diagonal_remainder(chain: Chain, field: str) -> Array:
     """Return K_ii − Σ_j |K_ij| for `field` "stiffness", or D_ii − Σ_j |D_ij| for "damping", shape (n,)."""
     own, taken, value = chain.hinges[field], np.zeros(chain.n), np.abs(chain.couplings[field])
-    for end in ("inner", "outer"):
-        np.add.at(taken, chain.couplings[end], value)
+    inner, outer = chain.couplings["inner"], chain.couplings["outer"]
+    levers = _levers(chain)
+    np.add.at(taken, inner, value / levers)
+    np.add.at(taken, outer, value * levers)
     left = own - taken
     if (left < 0).any():
         k, (name, unit) = int(np.argmin(left)), SHARED[field]
@@ -345,6 +348,18 @@ def diagonal_remainder(chain: Chain, field: str) -> Array:
         text += f"than its own {own[k]:.6g} {unit}: MuJoCo's tendons cannot represent that; {_instead(chain, k, field)}"
         raise ArgumentError(text, id="tendon-stiffness")
     return left
+
+
+def levers_of(own: Array, other: Array, apart: Mask) -> Array:
+    """Coefficients c of joints j in tendons of joints i and j, from K_ii and K_jj; 1 if not `apart`, about one axis."""
+    able = apart & (own > 0) & (other > 0)
+    return np.asarray(2.0 ** np.round(np.log2(np.where(able, other, 1.0) / np.where(able, own, 1.0)) / 2))
+
+
+def _levers(chain: Chain) -> Array:
+    pairs = [chain.hinges[chain.couplings[end]] for end in ("inner", "outer")]
+    (own, other), axes = (each["stiffness"] for each in pairs), [each["axis"] for each in pairs]
+    return levers_of(own, other, axes[0] != axes[1])
 
 
 def _instead(chain: Chain, k: int, field: str) -> str:
@@ -357,15 +372,15 @@ def _instead(chain: Chain, k: int, field: str) -> str:
     return f"use more segments in link {link!r}, whose section or material changes too fast, or use URDF or SDF"
 
 
-def _tendons(chain: Chain) -> Iterator[tuple[int, int, int, float, float]]:
-    """Yield fixed tendons over two joints with coefficients 1 and ±1: both joints, the sign, stiffness, damping."""
-    for coupling in chain.couplings:
+def _tendons(chain: Chain) -> Iterator[tuple[int, int, float, float, float]]:
+    """Yield fixed tendons over two joints with coefficients 1 and ±c: both joints, ±c, stiffness, damping."""
+    for coupling, c in zip(chain.couplings, _levers(chain).tolist(), strict=True):
         i, j, k, d = coupling.item()
         if k * d < 0:
-            yield i, j, -1 if k < 0 else 1, abs(k), 0.0
-            yield i, j, -1 if d < 0 else 1, 0.0, abs(d)
+            yield i, j, math.copysign(c, k), abs(k) / c, 0.0
+            yield i, j, math.copysign(c, d), 0.0, abs(d) / c
         else:
-            yield i, j, -1 if k < 0 or d < 0 else 1, abs(k), abs(d)
+            yield i, j, -c if k < 0 or d < 0 else c, abs(k) / c, abs(d) / c
 
 
 # Principal moments and axes of an inertia by Jacobi's method, whose rotations each zero one product of inertia.

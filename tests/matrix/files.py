@@ -102,6 +102,12 @@ def _size(scene: fl.Scene, path: list[str]) -> Any:
     if path[0] == "drive" and path[-1] in rows:
         others = {"computed_torque": {"kp": TIME**-2, "kd": 1 / TIME}, "cascade": {"kp": 1 / TIME}}
         return others.get(scene.drive.kind, {}).get(path[-1], rows[path[-1]])
+    if path[-1] in {"stiffness", "mass"} and path[0] == "rigidity":
+        parts = ("N", "N m", "N m²") if path[-1] == "stiffness" else ("kg/m", "kg", "kg m")
+        corner, beside, below = map(size, parts)
+        return np.block(
+            [[np.full((3, 3), corner), np.full((3, 3), beside)], [np.full((3, 3), beside), np.full((3, 3), below)]]
+        )
     if path[:2] in (["initial", "q"], ["initial", "qd"]):
         return TIME ** -(path[1] == "qd")  # for chains without sliding joints
     return size(unit_of(scene, ".".join(path)))

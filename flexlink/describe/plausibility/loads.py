@@ -178,7 +178,7 @@ def situation_of(scene: Scene) -> Situation:
             own += scene.arm.materials[link.material].density * area * link.beam.length
         if link.rigidity is not None:
             rows = scene.arm.rigidities[link.rigidity].rows
-            own += float(np.trapezoid(rows.masses[0], rows.x))
+            own += float(np.trapezoid(rows.masses[0], rows.x) / rows.x[-1] * link.beam.length)
         masses.append(own)
     beyond = [*(math.hypot(*after.mount.xyz) for after in links[1:]), 0.0]
     spans = tuple(span(link) + more for link, more in zip(links, beyond, strict=True))

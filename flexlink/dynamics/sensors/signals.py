@@ -17,7 +17,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import OF_THE_DRIVE, Sensor, is_on_base
 from flexlink.dynamics.floating_base import BODY
 from flexlink.dynamics.point_motion import motion_in_body, point_slopes
-from flexlink.dynamics.strain import beam_strain, known_at
+from flexlink.dynamics.strain import known_at, strains_in
 from flexlink.kernels.geometry.kinematics import forward_kinematics
 
 Samples = Any  # the samples of a run: an object with `RunSamples`' chain, t, q, qd, tau and, for accelerometers, qdd
@@ -63,13 +63,13 @@ def slopes_of(sensor: Sensor, scene: Scene, chain: Chain, q: Array, qd: Array, q
 # A strain gauge: strain from a cubic through the nearest hinges, and its derivative with respect to the angles.
 #
 # If EI is given by a table, EI and the curvature may have kinks and jumps, but the moment M = EI κ does not. The cubic
-# then interpolates the moment at the hinges, and κ = M/EI with EI at the gauge, or κ = K⁻¹ M.
+# then interpolates the moment at the hinges, and κ = M/EI with EI at the gauge, or strains K⁻¹ M.
 
 
 def gauge_strain(sensor: Sensor, scene: Scene, q: Array) -> Array:
     """Strain ε at the gauge [1], shape (samples,), at angles q (samples, n)."""
     (y, z), position = sensor.fibre or (0.0, 0.0), sensor.x or 0.0
-    found = beam_strain(scene, q, link=sensor.link, fibre=(y, z))
+    found, strains = strains_in(scene, q, sensor.link, (y, z))
     nearest, weights = interpolation(found.x, position)
     number = scene.arm.number(sensor.link)
     beam = table_of(scene.arm, scene.arm.links[number - 1])
@@ -78,10 +78,11 @@ def gauge_strain(sensor: Sensor, scene: Scene, q: Array) -> Array:
         return strain
     places = known_at(scene, number)[nearest], np.array([position / beam.length])
     if beam.table.coupled:
-        there, here = map(beam.stiffness, places)
-        M = weights @ (there @ found.curvature[..., nearest, :, None])[..., 0]
-        _, κ_y, κ_z = np.linalg.solve(here, M[..., None])[..., 0].T
-        return np.asarray(z * κ_y - y * κ_z)
+        there, here = map(beam.compliance, places)
+        known = strains[..., nearest, :][..., beam.directions, None]
+        forces = weights @ np.linalg.solve(there[:, beam.directions], known)[..., 0]
+        _, κ_y, κ_z, *others = (here @ forces[..., None])[..., 0].T
+        return np.asarray(z * κ_y - y * κ_z + (others[0] if others else 0.0))
     there, here = (beam.rigidities(x)[1:] for x in places)
     κ_y, κ_z = (found.curvature[..., nearest, k + 1] @ (weights * there[k]) / here[k] for k in range(2))
     return np.asarray(z * κ_y - y * κ_z)

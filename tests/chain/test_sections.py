@@ -1,0 +1,366 @@
+"""Beam sections with stiffness and mass 6 × 6: rods by shooting, Ritz frequencies, published beams, blade files."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.polynomial import Legendre, legendre
+from scipy.integrate import solve_ivp
+from scipy.linalg import eigh
+from scipy.optimize import root
+
+import flexlink as fl
+from flexlink.describe.scene import scene_from
+from tests.support.words import refused
+
+Array = np.ndarray
+STIFF = np.array([
+    [40.0, 13.0, -14.0, 2.0, -3.4, -0.5], [13.0, 25.0, -8.0, 1.8, -2.6, 0.4], [-14.0, -8.0, 34.0, -0.6, 1.3, 2.3],
+    [2.0, 1.8, -0.6, 0.6, 0.13, 0.24], [-3.4, -2.6, 1.3, 0.13, 1.3, 0.18], [-0.5, 0.4, 2.3, 0.24, 0.18, 0.9],
+])  # fmt: skip
+BLADE = 1e6 * np.array([
+    [2389.0, 1.524, 6.734, -33.82, -26.27, -473.6], [1.524, 433.4, -3.741, -0.2935, 15.27, 0.3835],
+    [6.734, -3.741, 27.43, -0.4592, -0.6869, -4.742], [-33.82, -0.2935, -0.4592, 21.67, -0.6279, 1.43],
+    [-26.27, 15.27, -0.6869, -0.6279, 19.7, 12.09], [-473.6, 0.3835, -4.742, 1.43, 12.09, 440.6],
+])  # fmt: skip
+"""Blade of GXBeam's example "Time-Domain Simulation of a Wind Turbine Blade", 60 m; its mass follows in `of_blade`."""
+FORCE = np.array([0.25, 0.5, 1.0])
+ALL = {"shear": True, "stretch": True}
+
+
+def mass(m: float, y: float, z: float, inertia: tuple[float, float, float], product: float = 0.0) -> Array:
+    """M of a section with its centre of mass at (y, z); inertias and I_yz are about the axis."""
+    across = m * np.array([[0.0, z, -y], [-z, 0.0, 0.0], [y, 0.0, 0.0]])
+    own = np.diag(inertia)
+    own[1, 2] = own[2, 1] = product
+    return np.block([[m * np.eye(3), across], [across.T, own]])
+
+
+CENTRED = mass(1.0, 0.0, 0.0, (0.03, 0.01, 0.02))
+ASIDE = mass(1.0, 0.06, -0.04, (0.04, 0.015, 0.025), 0.004)
+
+
+def of_blade() -> Array:
+    return mass(258.053, 71.6871 / 258.053, 7.07839 / 258.053, (48.59, 2.172, 46.418))
+
+
+def scene(K: Any = STIFF, M: Any = CENTRED, hinges: int = 8, length: float = 1.0, **fields: Any) -> fl.Scene:
+    table = fl.Rigidity(x=(0.0, length), stiffness=K, mass=M)
+    link = fl.Link(
+        name="blade", length=length, segments=hinges + 1, rigidity="t",
+        **{"flex": "xyz", "joint": fl.Joint(locked=True), **ALL, **fields},
+    )  # fmt: skip
+    return fl.Scene(name="blade", arm=fl.Arm(links=(link,), rigidities={"t": table}), gravity=(0.0, 0.0, 0.0))
+
+
+def moved(given: fl.Scene, force: Any = FORCE) -> Array:
+    """Position of the tip under a dead force."""
+    chain = fl.lump(given)
+    return fl.tip_position(chain, fl.solve_static(chain, tip_wrench=[*force, 0, 0, 0]).q)
+
+
+def cross(v: Array) -> Array:
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+def rod(C: Array, force: Array = FORCE, bent: Any = (0.0, 0.0, 0.0), length: float = 1.0) -> Array:
+    """Tip of a Cosserat rod of compliance C (6, 6), with twist and curvature at rest, by shooting."""
+
+    def end(m0: Array, F: Array) -> Array:
+        def slope(_: float, y: Array) -> Array:
+            R = y[:9].reshape(3, 3)
+            strains = C @ np.concatenate([R.T @ F, R.T @ y[12:]])
+            along = R @ (np.array([1.0, 0.0, 0.0]) + strains[:3])
+            return np.concatenate([(R @ cross(np.array(bent) + strains[3:])).ravel(), along, np.cross(F, along)])
+
+        start = np.concatenate([np.eye(3).ravel(), np.zeros(3), m0])
+        return solve_ivp(slope, (0.0, length), start, method="DOP853", rtol=1e-11, atol=1e-13).y[9:, -1]
+
+    m0, scale = np.zeros(3), np.linalg.norm(force) * length
+    for F in (0.5 * force, force):
+        m0 = root(lambda m: end(m, F)[3:] / scale, m0, tol=1e-12).x  # noqa: B023
+    return end(m0, force)[:3]
+
+
+def without(K: Array, strains: tuple[int, ...]) -> Array:
+    """Compliance if the forces of some strains do no work."""
+    C = np.linalg.inv(K)
+    C[strains, :] = C[:, strains] = 0.0
+    return C
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("bent", [(0.0, 0.0, 0.0), (1.0, 0.7, 1.2)])
+def test_a_section_with_all_couplings_bends_in_space_as_the_rod(bent: tuple[float, float, float]) -> None:
+    """Order 2; with even powers of the spacing only, so that two runs without their common error are within 1e-6."""
+    truth = rod(np.linalg.inv(STIFF), bent=bent)
+    coarse, fine = (moved(scene(hinges=n, curvature=bent[1:], twist=bent[0])) for n in (48, 96))
+    assert np.linalg.norm(fine - truth) < 5e-5
+    assert np.log2(np.linalg.norm(coarse - truth) / np.linalg.norm(fine - truth)) == pytest.approx(2, abs=0.05)
+    assert np.linalg.norm((4 * fine - coarse) / 3 - truth) < 3e-7
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("fields", "free", "limit"),
+    [
+        ({"shear": False, "stretch": False, "lumping": "lobatto2_rotation"}, (0, 1, 2), 1e-6),
+        ({"shear": False, "stretch": False}, (0, 1, 2), 1e-4),
+        ({"shear": False}, (1, 2), 1e-4),
+        ({"stretch": False}, (0,), 1e-4),
+    ],
+)
+def test_forces_of_strains_that_a_link_lacks_do_no_work(
+    fields: dict[str, Any], free: tuple[int, ...], limit: float
+) -> None:
+    """Without shear and stretch, rules with cells keep their order 4."""
+    truth, found = rod(without(STIFF, free)), moved(scene(hinges=32, **fields))
+    assert np.linalg.norm(found - moved(scene(hinges=32))) > 0.01
+    assert np.linalg.norm(found - truth) < limit
+
+
+def test_curvatures_about_axes_in_which_a_link_does_not_bend_are_zero() -> None:
+    small = 1e-4 * FORCE
+    K = STIFF[np.ix_([0, 1, 5], [0, 1, 5])]  # stretch, shear along y, bending about z; shear along z is free
+    C = np.linalg.inv(STIFF[np.ix_([0, 1, 2, 5], [0, 1, 2, 5])])[np.ix_([0, 1, 3], [0, 1, 3])]
+    assert np.abs(C - np.linalg.inv(K)).max() > 1e-3
+    x, y = small[:2]
+    N, Q, M = np.array([x, y, 0.0]), np.array([0.0, 0.0, y]), lambda s: 1 - s
+    straight = sum(w * (C @ (N + Q * M(s))) for s, w in ((0.5 - 1 / np.sqrt(12), 0.5), (0.5 + 1 / np.sqrt(12), 0.5)))
+    chain = fl.lump(scene(flex="z"))
+    assert set(chain.joint_names) == {f"blade.{k}.{name}" for k in range(1, 9) for name in ("z", "stretch", "shear.y")}
+    q = fl.solve_static(chain, tip_wrench=[*small, 0, 0, 0]).q
+    sums = [q[[k for k, name in enumerate(chain.joint_names) if name.endswith(end)]].sum() for end in ("stretch", "z")]
+    np.testing.assert_allclose(sums, straight[[0, 2]], rtol=1e-3)
+
+
+def test_a_bar_with_coupled_stretch_and_twist_is_exact() -> None:
+    K = np.diag([40.0, 25.0, 34.0, 0.6, 1.3, 0.9])
+    K[0, 3] = K[3, 0] = 2.0
+    chain = fl.lump(scene(K, hinges=4))
+    q = fl.solve_static(chain, tip_wrench=[3.0, 0, 0, 0, 0, 0]).q
+    twist = q[[k for k, name in enumerate(chain.joint_names) if name.endswith(".x")]].sum()
+    longer, turned = np.linalg.solve(K[np.ix_([0, 3], [0, 3])], [3.0, 0.0])
+    assert twist == pytest.approx(turned, rel=1e-12)
+    np.testing.assert_allclose(fl.tip_position(chain, q), [1 + longer, 0, 0], atol=1e-12)
+
+
+def ritz(K: Array, M: Array, strains: Any = range(6), length: float = 1.0, count: int = 12) -> Array:
+    """Frequencies of a straight clamped beam whose strains are sums of Legendre polynomials, others zero."""
+    x, w = legendre.leggauss(40)
+    s, ds = (x + 1) / 2, w / 2 * length
+    P = [Legendre.basis(k, domain=[0, 1]) for k in range(count)]
+    level, once, twice = (
+        np.array([one(s) for one in P]), length * np.array([one.integ(lbnd=0)(s) for one in P]),
+        length**2 * np.array([one.integ(2, lbnd=0)(s) for one in P]),
+    )  # fmt: skip
+    e, motion = np.zeros((2, 6, len(strains) * count, len(s)))
+    for k, own in enumerate(strains):
+        part = slice(k * count, (k + 1) * count)
+        e[own, part], motion[own, part] = level, once
+        if own in {4, 5}:  # sections turned about y move along −z, about z along y
+            motion[{4: 2, 5: 1}[own], part] = {4: -twice, 5: twice}[own]
+    both = [np.tensordot(part * ds, np.tensordot(A, part, 1), ((0, 2), (0, 2))) for part, A in ((e, K), (motion, M))]
+    return np.sqrt(eigh(*both, eigvals_only=True))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("rule", "M", "order"),
+    [("gauss_matched", CENTRED, 4), ("gauss", CENTRED, 2), ("gauss", ASIDE, 2), ("gauss_matched", ASIDE, 2)],
+)
+def test_frequencies_with_all_couplings_are_those_of_ritz(rule: str, M: Array, order: int) -> None:
+    """Mass off the axis limits every rule to order 2."""
+    truth = ritz(STIFF, M)[:5]
+    found = [fl.natural_frequencies(fl.lump(scene(STIFF, M, n, lumping=rule)))[:5] for n in (12, 24)]
+    errors = [np.abs(one / truth - 1).max() for one in found]
+    assert errors[1] < 4e-3
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("rule", "M", "limit"), [("lobatto4", CENTRED, 2e-6), ("gauss", ASIDE, 6e-4)])
+def test_frequencies_of_condensed_sections_are_those_of_ritz(rule: str, M: Array, limit: float) -> None:
+    K = np.zeros((6, 6))
+    K[3:, 3:] = np.linalg.inv(np.linalg.inv(STIFF)[3:, 3:])
+    chain = fl.lump(scene(STIFF, M, 32, lumping=rule, shear=False, stretch=False))
+    np.testing.assert_allclose(fl.natural_frequencies(chain)[:5], ritz(K, M, (3, 4, 5))[:5], rtol=limit)
+
+
+@pytest.mark.slow
+def test_the_blade_of_gxbeam_has_the_frequencies_of_ritz_and_keeps_its_energy() -> None:
+    given = scene(BLADE, of_blade(), 8, 60.0)
+    truth = ritz(BLADE, of_blade(), length=60.0)[:4]
+    np.testing.assert_allclose(fl.natural_frequencies(fl.lump(given))[:4], truth, rtol=6e-3)
+    bent = given.varied({"initial.passive": "static", "wrench": {"force": (0.0, 0.0, 1e4)}})
+    released = bent.varied({"initial.q": tuple(fl.simulate(bent, duration=0.0).q[0]), "initial.passive": "zero"})
+    run = fl.simulate(released.varied({"wrench": fl.Wrench()}), duration=1.0, method="Radau5", relative_tolerance=1e-6)
+    assert np.ptp(run.energy.total) < 1e-8 * np.ptp(run.energy.elastic)
+
+
+def test_the_composite_beam_of_beamdyn() -> None:
+    """10 in long, with 150 lbf along z: Wang et al. 2017, Wind Energy 20:1439, doi 10.1002/we.2101.
+
+    The values are those of BeamDyn and Kynema with 18 nodes (Kynema's documentation, "Static bending of a straight
+    composite beam"); K is that of a box beam by Yu et al. 2002, in lbf and in.
+    """
+    K = np.diag([1368.17e3, 88.56e3, 38.78e3, 16.96e3, 59.12e3, 141.47e3])
+    K[3, 4] = K[4, 3] = 17.61e3
+    K[3, 5] = K[5, 3] = -0.351e3
+    K[4, 5] = K[5, 4] = -0.37e3
+    coarse, fine = (moved(scene(K, CENTRED, n, 10.0), [0.0, 0.0, 150.0]) - [10.0, 0.0, 0.0] for n in (24, 48))
+    published = np.array([-0.0902726627566, -0.0647488486259, 1.2297364829237])
+    assert np.abs(fine - published).max() < 2e-4
+    np.testing.assert_allclose((4 * fine - coarse) / 3, published, atol=3e-7)
+
+
+@pytest.mark.parametrize("rule", ["gauss", "legendre"])
+def test_gauges_read_stretch_and_curvature_of_coupled_sections(rule: str) -> None:
+    """All strains of the rod under a small tip force, at its gauges and hinges; stretch also where it is condensed."""
+    F = 1e-6 * FORCE
+
+    def strains(s: float, C: Array) -> Array:
+        return C @ [*F, 0.0, -F[2] * (1 - s), F[1] * (1 - s)]
+
+    for fields, C in ((ALL, np.linalg.inv(STIFF)), ({"shear": False, "stretch": False}, np.linalg.inv(STIFF))):
+        if fields is not ALL:
+            C[:, :3] = 0.0  # these forces do no work, and moments strain the axis
+        gauge = fl.Sensor(name="g", kind="strain", link="blade", x=0.4, fibre=(0.1, 0.2))
+        given = scene(lumping=rule, **fields).varied({"sensor": [gauge], "run.duration": 0.0})
+        q = fl.solve_static(fl.lump(given), tip_wrench=[*F, 0, 0, 0]).q
+        found = fl.strength.beam_strain(given, q, link="blade", fibre=(0.1, 0.2))
+        exact = np.array([strains(s, C) for s in found.x])
+        np.testing.assert_allclose(found.curvature, exact[:, 3:], atol=1e-5 * np.abs(exact).max())
+        of_fibre = exact[:, 0] + 0.2 * exact[:, 4] - 0.1 * exact[:, 5]
+        np.testing.assert_allclose(found.strain, of_fibre, atol=1e-5 * np.abs(exact).max())
+        run = fl.simulate(given.varied({"wrench.force": tuple(F), "initial.passive": "static"}))
+        here = strains(0.4, C)
+        assert run.columns["g [1]"][0] == pytest.approx(here[0] + 0.2 * here[4] - 0.1 * here[5], rel=1e-5)
+
+
+def test_bodies_carry_the_mass_of_tapering_sections() -> None:
+    M = np.array([ASIDE, 2 * CENTRED, 2 * CENTRED, 0.5 * ASIDE])
+    table = fl.Rigidity(x=(0.0, 0.3, 0.3, 1.0), stiffness=STIFF, mass=M, mass_factor=3.0)
+    chain = fl.lump(scene(joint=fl.Joint()).varied({"rigidity.t": table}))
+    v = np.array([0.3, -0.2, 0.5, 0.7, 0.4, -0.6])
+    x, w = legendre.leggauss(8)
+    energy = 0.0
+    for start, end, a, b in ((0.0, 0.3, 0, 1), (0.3, 1.0, 2, 3)):
+        for s, ds in zip((x + 1) / 2, w / 2 * (end - start), strict=True):
+            here = np.concatenate([v[:3] + np.cross(v[3:], [start + s * (end - start), 0, 0]), v[3:]])
+            energy += 1.5 * ds * here @ (M[a] + s * (M[b] - M[a])) @ here
+    place, found = np.zeros(3), 0.0
+    for body in chain.bodies:
+        place = place + body["translation"]
+        speed = v[:3] + np.cross(v[3:], place + body["center"])
+        found += (body["mass"] * speed @ speed + v[3:] @ body["inertia"] @ v[3:]) / 2
+    assert found == pytest.approx(energy, rel=1e-12)
+
+
+def blade_file(K: Array, M: Array, mu: str = "1.0E-03 " * 6, damped: int = 1) -> str:
+    """A blade file of BeamDyn with two stations."""
+    head = ["---- BEAMDYN V1.00.* INDIVIDUAL BLADE INPUT FILE ----", "Test", "---- Blade Parameters ----"]
+    head += ["2   station_total - Number of blade input stations (-)", f"{damped}   damp_type - Damping type"]
+    head += ["---- Stiffness-Proportional Damping ----", "mu1 mu2 mu3 mu4 mu5 mu6", "(-) (-) (-) (-) (-) (-)", mu]
+    head += ["---- Distributed Properties ----"]
+    rows = ["\n".join(" ".join(f"{one:.9E}".replace("E", "D") for one in row) for row in A) + "\n" for A in (K, M)]
+    return "\n".join([*head, "  0.000000", *rows, "  1.0", *rows])
+
+
+@pytest.mark.slow
+def test_the_twisted_beam_of_beamdyn_from_its_blade_file(tmp_path: Path) -> None:
+    """10 m, 90° of twist, −4 MN along y at the tip: "bd_static_twisted_with_k1" of OpenFAST's regression tests.
+
+    BeamDyn's result there is within 1e-4 of the length of the rod by shooting; ours is within 1e-6. Its twist is
+    positive about −z.
+    """
+    K = np.diag([8.2604167e9, 8.2604167e9, 25e9, 0.520833e9, 0.130208333e9, 0.141872656e9])
+    M = np.diag([678.935] * 3 + [973.04, 972.86, 1945.9])
+    M[0, 5] = M[5, 0] = -0.1154189
+    M[2, 3] = M[3, 2] = 0.1154189
+    (tmp_path / "blade.dat").write_text(blade_file(K, M), encoding="utf-8")
+    table = fl.Rigidity(file=str(tmp_path / "blade.dat"))
+    assert (table.x, table.relative, table.loss_time) == ((0.0, 1.0), True, 1e-3)
+    coarse, fine = (
+        moved(scene(K, CENTRED, n, 10.0, twist=-np.pi / 20).varied({"rigidity.t": table}), [0.0, 0.0, -4e6])
+        for n in (32, 64)
+    )
+    found = (4 * fine - coarse) / 3 - [10.0, 0.0, 0.0]
+    np.testing.assert_allclose(found, [-1.14114462, 1.71810805, -3.59245231], atol=1e-3)
+    own = np.diag(K)[[2, 0, 1, 5, 3, 4]]
+    truth = rod(np.diag(1 / own), np.array([0.0, 0.0, -4e6]), (-np.pi / 20, 0.0, 0.0), 10.0)
+    np.testing.assert_allclose(found, truth - [10.0, 0.0, 0.0], atol=1e-5)
+    written = scene_from(scene(K, CENTRED, 4, 10.0).varied({"rigidity.t": table}).document())
+    assert written.arm.rigidities["t"] == table
+
+
+@pytest.mark.parametrize(
+    ("change", "id", "part"),
+    [
+        (lambda text: text.replace("1.0E-03 ", "2.0E-03 ", 1), "unequal-loss-times", "give loss_time"),
+        (lambda text: text.replace("2   station_total", "3   station_total"), "blade-file", "2 stations"),
+        (lambda text: text.replace("1   damp_type", "2   damp_type"), "blade-file", "damp_type = 2"),
+        (lambda text: text.replace("2.500000000D+01", "x"), "blade-file", "line 12"),
+    ],
+)
+def test_a_blade_file_that_cannot_be_read_is_refused(
+    tmp_path: Path, change: Callable[[str], str], id: str, part: str
+) -> None:
+    file = tmp_path / "blade.dat"
+    file.write_text(change(blade_file(25 * np.eye(6), CENTRED)), encoding="utf-8")
+    with refused(fl.errors.DataFileError, id) as caught:
+        fl.Rigidity(file=str(file))
+    assert part in str(caught.value)
+    if id == "unequal-loss-times":
+        assert fl.Rigidity(file=str(file), loss_time=3e-3).loss_time == 3e-3
+
+
+def changed(matrix: Array, row: int, column: int, value: float) -> Array:
+    other = matrix.copy()
+    other[row, column] = value
+    return other
+
+
+@pytest.mark.parametrize(
+    ("fields", "id", "part"),
+    [
+        ({"stiffness": STIFF[:5]}, "one-per-row", "6 × 6"),
+        ({"stiffness": [[*row] for row in STIFF[:5].tolist()] + [[1.0]]}, "one-per-row", "6 × 6"),
+        ({"stiffness": changed(STIFF, 0, 4, 1.0)}, "section-matrix", "stiffness[0][0][4] = 1.0"),
+        ({"stiffness": changed(changed(STIFF, 0, 0, 1.0), 1, 1, 1.0)}, "section-not-stiff", "stiffness[0]"),
+        ({"mass": changed(ASIDE, 1, 1, 2.0)}, "section-matrix", "mass[0][1][1] = 2.0"),
+        ({"mass": mass(1.0, 0.5, 0.0, (0.02, 0.01, 0.01))}, "section-not-stiff", "mass[0]"),
+        ({"ei_z": (1.0, 1.0)}, "both-given", "ei_z"),
+        ({"rho_a": (1.0, 1.0)}, "both-given", "rho_a"),
+        ({"relative": True}, "rigidity-table", "expected 1"),
+    ],
+)
+def test_an_impossible_section_is_refused(fields: dict[str, Any], id: str, part: str) -> None:
+    with refused(fl.errors.SceneError, id) as caught:
+        fl.Rigidity(**{"x": (0.0, 2.0), "stiffness": STIFF, "mass": CENTRED, **fields})
+    assert part in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("M", "fields", "id"),
+    [
+        (ASIDE, {"lumping": "lobatto2", "shear": False, "stretch": False}, "cells-off-axis"),
+        (CENTRED, {"lumping": "lobatto2"}, "cells-without-strains"),
+        (CENTRED, {"lumping": "gauss_rotation"}, "rotation-with-strains"),
+        (CENTRED, {"shear": 0.85}, "shear-of-a-table"),
+    ],
+)
+def test_a_link_that_cannot_have_such_sections_is_refused(M: Array, fields: dict[str, Any], id: str) -> None:
+    with refused(fl.errors.SceneError, id):
+        fl.lump(scene(STIFF, M, **fields))
+
+
+def test_a_gauge_on_a_jump_of_a_relative_table_is_refused() -> None:
+    table = fl.Rigidity(x=(0, 0.5, 0.5, 1), stiffness=[STIFF, STIFF, 2 * STIFF, STIFF], mass=CENTRED, relative=True)
+    gauge = fl.Sensor(name="g", kind="strain", link="blade", x=2.0, fibre=(0.1, 0.2))
+    blade = scene(length=4.0).varied({"rigidity.t": table})
+    with refused(fl.errors.SceneError, "gauge-on-jump") as caught:
+        blade.varied({"sensor": [gauge]})
+    assert "x = 1.996 or 2.004" in str(caught.value)
