@@ -1,9 +1,4 @@
-"""`flexlink advise`: Find the smallest model that keeps the tip within a tolerance, and check it.
-
-flexlink advise models/t3_spatial.toml --tip 1e-3 -o small.toml
-flexlink advise models/t3_spatial.toml --tip 2mm --band 20
-flexlink advise models/paper_fig5.toml --tip 1mm --for control
-"""
+"""The command `flexlink advise`."""
 
 import argparse
 import contextlib

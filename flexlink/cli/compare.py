@@ -1,9 +1,4 @@
-"""`flexlink compare`: Compare flexlink with other engines, or with an MJCF, URDF or SDF file.
-
-flexlink compare models/paper_fig5.toml --engines pinocchio mujoco
-flexlink compare models/t3_spatial.toml --trajectory --duration 0.1
-flexlink compare models/t3_spatial.toml --file theirs.xml
-"""
+"""The command `flexlink compare`."""
 
 import argparse
 import contextlib

@@ -1,8 +1,4 @@
-"""`flexlink compile`: Compile the solver for all kinds of scenes in advance, on all cores.
-
-flexlink compile
-flexlink compile --out build/machine_code --cpu x86-64-v3 --cpu x86-64-v4
-"""
+"""The command `flexlink compile`."""
 
 import argparse
 import concurrent.futures

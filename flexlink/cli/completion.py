@@ -1,8 +1,4 @@
-"""`flexlink completion`: Print a script that completes commands and options in a shell.
-
-flexlink completion bash > ~/.local/share/bash-completion/completions/flexlink
-flexlink completion zsh > ~/.zfunc/_flexlink
-"""
+"""The command `flexlink completion`."""
 
 import argparse
 

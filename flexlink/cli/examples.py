@@ -1,9 +1,4 @@
-"""`flexlink examples`: List the scripts and scenes that are installed with flexlink, or copy some of them by name.
-
-flexlink examples
-flexlink examples crane models/paper_fig5.toml
-flexlink examples all --out flexlink-examples
-"""
+"""The command `flexlink examples`."""
 
 import argparse
 import fnmatch

@@ -1,10 +1,4 @@
-"""`flexlink export`: Write scenes as MJCF, URDF or SDF, which other engines load exactly, as C or CasADi code, as FMUs.
-
-flexlink export models/paper_fig5.toml --format urdf --out .
-flexlink export models/t3_spatial.toml --format sdf --small-mass 1e-9
-flexlink export models/paper_fig5.toml --c arm.c --casadi arm.py
-flexlink export models/paper_fig5.toml --fmu arm.fmu
-"""
+"""The command `flexlink export`."""
 
 import argparse
 import functools

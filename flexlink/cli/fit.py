@@ -1,13 +1,4 @@
-"""`flexlink fit`: Identify parameters of a scene from measurements, with 95 % confidence intervals.
-
-flexlink fit problem.toml --check
-flexlink fit problem.toml --check --propose
-flexlink fit problem.toml --out fitted
-flexlink fit problem.toml --grid auto
-flexlink fit problem.toml --starts 5 --profile --set material.steel.young=2e11
-flexlink fit viscous.toml quadratic.toml --folds
-flexlink fit reading.toml --predict
-"""
+"""The command `flexlink fit`."""
 
 import argparse
 import math

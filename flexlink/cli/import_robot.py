@@ -1,9 +1,4 @@
-"""`flexlink import`: Convert a URDF, MJCF or SDF robot, or the paths to some of its links, to a scene; links can bend.
-
-flexlink import robot.urdf -o robot.toml
-flexlink import robot.urdf --base torso --tip left_hand --tip right_hand --locked torso_lift=0.2 -o arms.toml
-flexlink import ur5 --posture elbow_joint=90 --flexible 'forearm_link={ frequency_hz = 12 }' -o ur5.toml
-"""
+"""The command `flexlink import`."""
 
 import argparse
 import math

@@ -1,10 +1,4 @@
-"""`flexlink info`: Show the model of a scene: joints, mass, frequencies, stable steps, damping.
-
-flexlink info models/paper_fig5.toml
-flexlink info models/paper_fig5.toml --set 'link.*.segments=9'
-flexlink info models/paper_fig5.toml --json
-flexlink info models/paper_fig5.toml --run run.npz
-"""
+"""The command `flexlink info`."""
 
 import argparse
 import dataclasses

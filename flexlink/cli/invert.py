@@ -1,8 +1,4 @@
-"""`flexlink invert`: Compute torques with which the tip, not the joints, follows a move; write the driven scene.
-
-flexlink invert models/ptp_move.toml --out moved.toml
-flexlink invert arm.toml --tip 1.2 0 0.8 --duration 0.6 --out moved.toml --plot moved.png
-"""
+"""The command `flexlink invert`."""
 
 import argparse
 

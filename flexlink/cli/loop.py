@@ -1,9 +1,4 @@
-"""`flexlink loop`: Find whether the control loop of a scene is stable: poles, growth, margins, largest stable delay.
-
-flexlink loop models/ptp_move.toml --set drive.rate=1000 --set drive.delay=0.001
-flexlink loop models/ptp_move.toml --kind nyquist --plot nyquist.png
-flexlink loop models/ptp_move.toml --set drive.rate=1000 --over drive.delay --values 0 0.001 0.002 --plot locus.png
-"""
+"""The command `flexlink loop`."""
 
 import argparse
 

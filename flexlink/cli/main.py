@@ -206,17 +206,13 @@ def _in_si(unit: str, text: str) -> float:
 
 def build_parser(words: Container[str] | None = None) -> argparse.ArgumentParser:
     """Build the parser; with `words`, only the commands among them get options, and only their modules are loaded."""
-    modules = (
-        "info", "simulate", "advise", "reduce", "modes", "loop", "show", "export", "compare", "report", "fit",
-        "import_robot", "robots", "examples", "sweep", "invert", "compile", "completion",
-    )  # fmt: skip
-    texts = {name: (module, text, examples) for module in modules for name, text, examples in [_help_of(module)]}
+    known = _known_commands()
     keys = (
         "keys of a scene, with their units and defaults:",
         '  python -c "import flexlink; help(flexlink.Link)"   also Joint, Material, Section, Drive, Reference, ...',
         "  flexlink examples models                           copies complete scenes to start from\n",
     )
-    shown = [texts[name][2].partition("\n")[0] for name in ("simulate", "advise", "show", "import", "fit")]
+    shown = [f"  {known[name][1][0]}" for name in ("simulate", "advise", "show", "import", "fit")]
     parser = _Parser(
         prog="flexlink",
         description="Robot arms with flexible links: simulate, find modes, export, compare. SI units.",
@@ -225,14 +221,14 @@ def build_parser(words: Container[str] | None = None) -> argparse.ArgumentParser
     )
     parser.add_argument("--version", action="version", version=f"flexlink {__version__}")
     commands = parser.add_subparsers(metavar="command", dest="command")
-    for name, (module, text, examples) in texts.items():
+    for name, (about, examples) in known.items():
         command = commands.add_parser(
-            name, help=text.replace("%", "%%"), description=text, epilog=f"examples:\n{examples}",
-            formatter_class=argparse.RawDescriptionHelpFormatter,
+            name, help=about.replace("%", "%%"), description=about,
+            epilog="\n  ".join(["examples:", *examples]), formatter_class=argparse.RawDescriptionHelpFormatter,
         )  # fmt: skip
         if words is not None and name not in words:
             continue
-        loaded = importlib.import_module(f"flexlink.cli.{module}")
+        loaded = importlib.import_module(f"flexlink.cli.{'import_robot' if name == 'import' else name}")
         command.set_defaults(module=loaded)
         _add_arguments(command, name, vars(loaded))
     return parser
@@ -251,6 +247,13 @@ def _add_arguments(command: argparse.ArgumentParser, name: str, words: Mapping[s
         command.add_argument(argument, **about)
 
 
+def _known_commands() -> dict[str, tuple[str, list[str]]]:
+    """Help text and examples by name, from a file that needs no parser: help comes at once."""
+    blocks = Path(__file__).with_name("commands.txt").read_text(encoding="utf-8").strip().split("\n\n")
+    headings = [(*block.partition("\n")[0].partition(": ")[::2], block.splitlines()[1:]) for block in blocks]
+    return {name: (about, examples) for name, about, examples in headings}
+
+
 @functools.cache
 def _table(name: str) -> dict[str, Any]:
     import tomllib  # noqa: PLC0415  not needed for help
@@ -264,15 +267,6 @@ def _arguments_of(name: str) -> dict[str, dict[str, Any]]:
     for commands, table in _table("options").items():
         found |= table if {name, "*"} & {*commands.split()} else {}
     return found
-
-
-@functools.cache
-def _help_of(module: str) -> tuple[str, str, str]:
-    """Name, help text and examples of a command, from the docstring of its module, which is read but not imported."""
-    docstring = Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8").split('"""')[1]
-    heading, _, examples = docstring.partition("\n\n")
-    name, _, text = heading.removeprefix("`flexlink ").partition("`: ")
-    return name, " ".join(text.split()), "\n".join(f"  {line.strip()}" for line in examples.splitlines())
 
 
 if __name__ == "__main__":

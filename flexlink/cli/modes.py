@@ -1,9 +1,4 @@
-"""`flexlink modes`: Find natural frequencies and mode shapes in the initial configuration, with gravity.
-
-flexlink modes models/paper_fig5.toml --lock upper fore --plot modes.png
-flexlink modes models/t3_spatial.toml --count 20 --json
-flexlink modes models/paper_fig5.toml --set link.waist.joint.locked=false --rate waist=60rpm --lock upper fore
-"""
+"""The command `flexlink modes`."""
 
 import argparse
 import re

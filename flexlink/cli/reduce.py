@@ -1,8 +1,4 @@
-"""`flexlink reduce`: Find the fewest coordinates, by strain modes, that keep the tip within a tolerance.
-
-flexlink reduce models/t3_spatial.toml --tip 2mm --set run.duration=0.5 -o small.toml
-flexlink reduce models/t3_spatial.toml --tip 2mm --set run.duration=0.5 --for explicit
-"""
+"""The command `flexlink reduce`."""
 
 from flexlink.cli import advise
 

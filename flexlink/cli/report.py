@@ -1,10 +1,4 @@
-"""`flexlink report`: Write an HTML report on a scene: model, agreement, accuracy, cost, statics, modes, loads.
-
-flexlink report models/t3_spatial.toml --out t3_report
-flexlink report models/t3_spatial.toml --out t3_report --against theirs.xml
-flexlink report models/t3_spatial.toml --out t3_report --uncertain
-flexlink report models/ptp_move.toml --out move --against measured.csv
-"""
+"""The command `flexlink report`."""
 
 import argparse
 import sys

@@ -1,7 +1,4 @@
-"""`flexlink robots`: List the arms and robots of example-robot-data that `flexlink import` accepts by name.
-
-flexlink robots --out models/robots
-"""
+"""The command `flexlink robots`."""
 
 import argparse
 from pathlib import Path

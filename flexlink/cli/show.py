@@ -1,9 +1,4 @@
-"""`flexlink show`: Simulate a scene and show the motion: .gif, .mp4, a page (.html), or MuJoCo's viewer.
-
-flexlink show models/paper_fig5.toml --magnify 50 -o fall.gif
-flexlink show models/t3_spatial.toml --colour strain --speed 0.25
-flexlink show models/robots/ur5_flexible.toml --meshes ur5_robot.urdf -o ur5.gif
-"""
+"""The command `flexlink show`."""
 
 import argparse
 import os

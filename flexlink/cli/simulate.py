@@ -1,11 +1,4 @@
-"""`flexlink simulate`: Simulate a scene; write samples (.npz, .csv, .nc, .mat) and plots.
-
-flexlink simulate models/paper_fig5.toml --plot fall.png --panels tip energy --out fall.csv
-flexlink simulate models/paper_fig5.toml --method RK10 --step 2e-4 --duration 1
-flexlink simulate models/t3_spatial.toml --tolerance 1e-4
-flexlink simulate models/paper_fig5.toml --set 'link.*.segments=9' --set material.aluminium.young=35e9
-flexlink simulate arm.toml --sample 1e-3 --set sensor.gauge.seed=2 --out seen.csv
-"""
+"""The command `flexlink simulate`."""
 
 import argparse
 import contextlib

@@ -1,11 +1,4 @@
-"""`flexlink sweep`: Run all members of a sweep, variants of one scene, and store their results in a database.
-
-flexlink sweep sweep.toml --out sweep.db
-flexlink sweep sweep.toml --workers 4 --export csv
-flexlink sweep sweep.toml --dask tcp://10.0.0.1:8786 --fresh
-flexlink sweep sweep.toml --part 17/200
-flexlink sweep sweep.toml --merge sweep-*.db
-"""
+"""The command `flexlink sweep`."""
 
 import argparse
 import contextlib
