@@ -30,8 +30,8 @@ ENGINES = {
     "native": Adapter("flexlink.diagnosis.native", "NativeEngine", holds=True),
     "pinocchio": Adapter("flexlink.engines.pinocchio", "PinocchioEngine", "engines", between_joints=False, holds=True),
     "mujoco": Adapter("flexlink.engines.mujoco", "MujocoEngine", "engines"),
-    "exudyn": Adapter("flexlink.engines.exudyn", "ExudynEngine", "witness", ties=False),
-    "drake": Adapter("flexlink.engines.drake", "DrakeEngine", "witness", True, between_joints=False, ties=False),
+    "exudyn": Adapter("flexlink_witnesses.exudyn", "ExudynEngine", "witness", ties=False),
+    "drake": Adapter("flexlink_witnesses.drake", "DrakeEngine", "witness", True, between_joints=False, ties=False),
 }
 
 __all__ = ["ENGINES", "Adapter", "Engine", "load"]

@@ -15,9 +15,9 @@ from pydrake.systems.analysis import ResetIntegratorFromFlags
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
-from flexlink.engines.drake import DrakeEngine
 from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.inputs.problem import problem_of
+from flexlink_witnesses.drake import DrakeEngine
 from validation.trade.contestants import TooDearError, refined
 from validation.trade.work_precision import Point, Run
 

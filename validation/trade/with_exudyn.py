@@ -15,8 +15,8 @@ from exudyn.itemInterface import SensorNode
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
-from flexlink.engines.exudyn import ExudynEngine, _settings
 from flexlink.motion.inputs.initial_state import initial_state
+from flexlink_witnesses.exudyn import ExudynEngine, _settings
 from validation.trade.contestants import stepped
 from validation.trade.work_precision import Point, Run
 

@@ -11,8 +11,8 @@ functions below for it, and enter it in `KINDS`, `in_motion`, `any_acts` and `on
     own slopes      (record, q, qd, own)                          adds ∂T_k/∂q_k, ∂T_k/∂q̇_k (2, n) for implicit steps
 
 These functions allocate no arrays. The slopes may have a separate record with more scratch. A law with internal states
-is made of internal coordinates and gyrators (`gyrators`). Springs and dampers between hinges also work on eight states
-at once, one per SIMD lane.
+is made of internal coordinates and gyrators (`joint_laws`). Springs and dampers between hinges also work on eight
+states at once, one per SIMD lane.
 """
 
 from typing import Any, NamedTuple
@@ -28,11 +28,12 @@ from flexlink.kernels.forces.couplings import (
     couplings_side_by_side,
 )
 from flexlink.kernels.forces.drag import Drag, DragSlopes, drag_of, drag_slopes, drag_slopes_of, drag_torque
-from flexlink.kernels.forces.gyrators import gyrator_slopes, gyrator_torque
 from flexlink.kernels.forces.joint_laws import (
     damper_own_slopes,
     damper_slopes,
     damper_torque,
+    gyrator_slopes,
+    gyrator_torque,
     hardening_energy,
     hardening_own_slopes,
     hardening_slopes,

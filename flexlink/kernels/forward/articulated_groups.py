@@ -16,12 +16,12 @@ Prismatic hinges are eliminated like revolute ones, but force and moment swap ro
 from flexlink.kernels.forward.articulated_branches import over_lever
 from flexlink.kernels.forward.articulated_layout import GROUP
 from flexlink.kernels.forward.articulated_rows import BODY_ROW, HINGE_ROW, RESTART, THIRD_HINGE, axes_of
-from flexlink.kernels.tools.axes3 import rotate
+from flexlink.kernels.tools.axes3 import combine, rotate
 from flexlink.kernels.tools.compiler import inlined
 from flexlink.kernels.tools.lanes import at, put_at, put_vec_of, vec_of, zero_of
 from flexlink.kernels.tools.records import keep
 from flexlink.kernels.tools.sym3 import sym_add, sym_add_dyad, sym_apply, sym_from_axes, sym_of
-from flexlink.kernels.tools.vec3 import add, add_scaled, combine, cross, dot, scale, sub
+from flexlink.kernels.tools.vec3 import add, add_scaled, cross, dot, scale, sub
 
 
 @inlined

@@ -15,12 +15,12 @@ of its parent body. In the forward pass the rows of the loads store the accelera
 from flexlink.kernels.forward.articulated import along_group, spread
 from flexlink.kernels.forward.articulated_layout import GROUP, LAYOUT
 from flexlink.kernels.forward.articulated_rows import BODY_ROW, HINGE_ROW, RESTART, THIRD_HINGE, axes_of
-from flexlink.kernels.tools.axes3 import rotate
+from flexlink.kernels.tools.axes3 import combine, combine2, rotate
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 from flexlink.kernels.tools.lanes import at, put_at, vec_of, zero_of
 from flexlink.kernels.tools.rare import rarely
 from flexlink.kernels.tools.records import added, keep
-from flexlink.kernels.tools.vec3 import add, add_scaled, combine, combine2, cross, dot, sub
+from flexlink.kernels.tools.vec3 import add, add_scaled, cross, dot, sub
 
 
 @recursion

@@ -1,11 +1,22 @@
-"""Turns about coordinate axes, and frames as three vectors, the columns of a rotation matrix."""
+"""Turns about coordinate axes, and sums of three axes, the columns of a rotation matrix."""
 
 import math
 
 from flexlink.kernels.tools.compiler import inlined
-from flexlink.kernels.tools.vec3 import combine, combine2
 
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+
+
+@inlined
+def combine(x, a, y, b, z, c):
+    """x a + y b + z c."""
+    return (x * a[0] + y * b[0] + z * c[0], x * a[1] + y * b[1] + z * c[1], x * a[2] + y * b[2] + z * c[2])
+
+
+@inlined
+def combine2(x, a, y, b):
+    """x a + y b."""
+    return (x * a[0] + y * b[0], x * a[1] + y * b[1], x * a[2] + y * b[2])
 
 
 @inlined

@@ -1,8 +1,9 @@
 """Symmetric 3×3 tensors as tuples (xx, yy, zz, yz, xz, xy)."""
 
+from flexlink.kernels.tools.axes3 import combine
 from flexlink.kernels.tools.compiler import inlined
 from flexlink.kernels.tools.lanes import vec_of
-from flexlink.kernels.tools.vec3 import combine, dot
+from flexlink.kernels.tools.vec3 import dot
 
 ZERO6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 

@@ -31,18 +31,6 @@ def add_scaled(a, s, b):
 
 
 @inlined
-def combine(x, a, y, b, z, c):
-    """x a + y b + z c."""
-    return (x * a[0] + y * b[0] + z * c[0], x * a[1] + y * b[1] + z * c[1], x * a[2] + y * b[2] + z * c[2])
-
-
-@inlined
-def combine2(x, a, y, b):
-    """x a + y b."""
-    return (x * a[0] + y * b[0], x * a[1] + y * b[1], x * a[2] + y * b[2])
-
-
-@inlined
 def put(field, a):
     """Write a vector into an array of shape (3,)."""
     field[0], field[1], field[2] = a
