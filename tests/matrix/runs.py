@@ -181,15 +181,21 @@ def sensitivity(case: Case) -> None:
 
 def gradient(case: Case) -> None:
     """The gradient of a run matches fourth-order differences of runs along its torques, initial angles and rates."""
-    dice, times, chain = np.random.default_rng(1), case.run.t[:-1], case.run.chain
-    free = [k for k, link in enumerate(case.scene.arm.links) if not link.joint.locked]
+    for scene in (case.scene, case.scene.varied(IMPLICIT)):
+        gradient_of(case, scene)
+
+
+def gradient_of(case: Case, scene: fl.Scene) -> None:
+    """`gradient` for one method."""
+    dice, times, chain = np.random.default_rng(1), scene.run.times[:-1], case.run.chain
+    free = [k for k, link in enumerate(scene.arm.links) if not link.joint.locked]
     tau, pull = dice.normal(size=(len(times), len(chain.active))), dice.normal(size=(2, len(times) + 1, chain.n))
 
     def moved(tau: np.ndarray, q: np.ndarray, qd: np.ndarray) -> fl.Trajectory:
-        torques = np.zeros((len(times), len(case.scene.arm.links)))
+        torques = np.zeros((len(times), len(scene.arm.links)))
         torques[:, free[: tau.shape[1]]] = tau
         drive = fl.Drive(kind="table", times=tuple(times.tolist()), torques=tuple(map(tuple, torques)), hold=True)
-        return fl.simulate(case.scene.varied({"drive": drive if tau.size else None}), q0=q, qd0=qd)
+        return fl.simulate(scene.varied({"drive": drive if tau.size else None}), q0=q, qd0=qd)
 
     start = tau, case.run.q[0], case.run.qd[0]
     found = fl.run_gradient(moved(*start), *pull)
