@@ -132,8 +132,7 @@ def test_gradients_of_all_implicit_methods_agree_with_tangents(name: str) -> Non
 @pytest.mark.slow
 def test_a_stiff_arm_has_a_gradient_at_steps_that_explicit_methods_cannot_take() -> None:
     stiff = arm(**{"run.method": "Radau5", **LONG, "material.aluminium.young": 7e13})
-    with refused(SceneError, "unstable-step"):
-        fl.simulate(stiff.varied({"run.method": "RK4"}))
+    assert fl.stable_step(fl.lump(stiff), method="RK4") < LONG["run.step"] / 20
     check(stiff)
 
 
@@ -142,14 +141,15 @@ def test_steps_between_knots_off_the_grid_are_repeated() -> None:
     steps = arm(**{"run.method": "Radau5", **LONG})
     table = fl.Drive(kind="table", times=(0.0, 0.0073, 0.031), torques=((0.0, 0.0), (9.0, 1.0), (0.0, 4.0)))
     driven, height = steps.varied({"drive": table}), np.zeros((21, 6))
+    q, _ = fl.initial_state(driven, fl.lump(driven))
     height[-1] = 1.0
     found = fl.run_gradient(fl.simulate(driven), height).dq
     assert fl.simulate(driven).steps.taken > 40
 
     def end(x: float) -> float:
-        return float(fl.simulate(driven, q0=fl.initial_state(driven)[0] + x).q[-1].sum())
+        return float(fl.simulate(driven, q0=q + x).q[-1].sum())
 
-    np.testing.assert_allclose(found.sum(), difference(end, 1e-3), rtol=1e-7)
+    np.testing.assert_allclose(found.sum(), difference(end, 3e-5), rtol=1e-8)
 
 
 def test_steps_in_parts_are_refused_until_steps_are_short() -> None:
