@@ -35,6 +35,7 @@ from flexlink.kernels.tools.finite import is_finite
 from flexlink.motion.inputs.actuation import LINEAR, input_arrays, of_kind
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.method_steps import MethodSteps
+from flexlink.motion.step_workspace import friction_laws
 from flexlink.results.record import Record
 from flexlink.results.trajectory import Trajectory
 
@@ -81,7 +82,7 @@ def run_gradient(run: Trajectory, dq: ArrayLike | None = None, dqd: ArrayLike | 
         `dq` or `dqd` has the wrong shape, is not real or not finite; or the steps cannot be repeated, since a law in
         Python or another machine made the run.
     SceneError
-        The scene has a feature without gradient, does not take fixed steps, or an implicit step was taken in parts.
+        The scene has a feature without gradient, takes adaptive steps, or an implicit step's adjoint is not found.
 
     Examples
     --------
@@ -106,8 +107,8 @@ def run_gradient(run: Trajectory, dq: ArrayLike | None = None, dqd: ArrayLike | 
         weights = np.diag(mass_matrix(chain, run.q[-1])).copy()
         row = go_back_implicitly(work, weights, *_implicit_steps(run, problem_of(scene, chain, inputs)), *samples)
     if row < -1:
-        why = f"run.step = {h!r}: a step after t = {run.t[-2 - row]:.6g} s was taken in parts, without a gradient"
-        raise SceneError(f"{why}; give a smaller run.step", id="gradient-of-parts")
+        why = f"run.step = {h!r}: the adjoint of a step after t = {run.t[-2 - row]:.6g} s does not converge"
+        raise SceneError(f"{why}; give a smaller run.step, or smaller dq and dqd", id="gradient-not-found")
     if row >= 0:
         why = f"run: sample {row + 1} does not follow from its scene; a law in Python or another machine made it"
         raise ArgumentError(f"{why}; repeat it by simulate(run.scene)", id="run-not-repeatable")
@@ -115,13 +116,14 @@ def run_gradient(run: Trajectory, dq: ArrayLike | None = None, dqd: ArrayLike | 
 
 
 def _implicit_steps(run: Trajectory, problem: InitialValueProblem) -> tuple[object, ...]:
-    """Implicit steps, one at a time; the most from sample to sample; knots up to each sample; times of samples."""
+    """Implicit steps, number of laws of friction, room for steps, knots up to each sample, times of samples."""
     steps = MethodSteps(Record(problem, run.t, run.q.copy(), run.qd.copy()), by_drive=True, halved=False, passes=True)
     starts = problem.run.fixed_step * (steps.record.origin + problem.run.steps_per_sample * np.arange(len(run.t)))
     steps.aim(*starts[[0, -1]].tolist())
     steps.count[COUNT.row] = len(run.t)  # no step writes a sample
     passed = np.searchsorted(steps.knots[0], starts, "right")
-    return steps.arguments(1), problem.run.steps_per_sample + int(np.diff(passed).max(initial=0)), passed, starts
+    most = 2 * (problem.run.steps_per_sample + int(np.diff(passed).max(initial=0))) + 1000  # steps that are divided
+    return steps.arguments(1), len(friction_laws(steps.work)), most, passed, starts
 
 
 def _slopes(name: str, value: ArrayLike | None, shape: tuple[int, ...]) -> Array:

@@ -136,28 +136,38 @@ def test_a_stiff_arm_has_a_gradient_at_steps_that_explicit_methods_cannot_take()
     check(stiff)
 
 
-def test_steps_between_knots_off_the_grid_are_repeated() -> None:
-    """A sample is a sum of shorter steps where a knot of a table of torques is within a step."""
-    steps = arm(**{"run.method": "Radau5", **LONG})
-    table = fl.Drive(kind="table", times=(0.0, 0.0073, 0.031), torques=((0.0, 0.0), (9.0, 1.0), (0.0, 4.0)))
-    driven, height = steps.varied({"drive": table}), np.zeros((21, 6))
-    q, _ = fl.initial_state(driven, fl.lump(driven))
-    height[-1] = 1.0
-    found = fl.run_gradient(fl.simulate(driven), height).dq
-    assert fl.simulate(driven).steps.taken > 40
+def push_and_differences(scene: fl.Scene, h: float) -> tuple[float, float]:
+    """Derivative of Σ q at the end along all initial angles, by the gradient and by differences of step h."""
+    run, last = fl.simulate(scene), np.zeros((scene.run.samples, 6))
+    last[-1] = 1.0
 
     def end(x: float) -> float:
-        return float(fl.simulate(driven, q0=q + x).q[-1].sum())
+        return float(fl.simulate(scene, q0=run.q[0] + x).q[-1].sum())
 
-    np.testing.assert_allclose(found.sum(), difference(end, 3e-5), rtol=1e-8)
+    return fl.run_gradient(run, last).dq.sum(), difference(end, h)
 
 
-def test_steps_in_parts_are_refused_until_steps_are_short() -> None:
+def test_steps_between_knots_off_the_grid_are_repeated() -> None:
+    """A sample is a sum of shorter steps where a knot of a table of torques is within a step."""
+    table = fl.Drive(kind="table", times=(0.0, 0.0073, 0.031), torques=((0.0, 0.0), (9.0, 1.0), (0.0, 4.0)))
+    driven = arm(**{"run.method": "Radau5", **LONG, "drive": table})
+    assert fl.simulate(driven).steps.taken > 40
+    np.testing.assert_allclose(*push_and_differences(driven, 3e-5), rtol=1e-8)
+
+
+def test_steps_that_are_taken_in_parts_are_repeated_in_the_same_parts() -> None:
     """Newton's iteration fails where dry friction stops a joint within a step, which is then divided."""
-    dry = arm(**{"run.method": "Radau5", **LONG, "link.upper.joint.coulomb_width": 1e-3})
-    with refused(SceneError, "gradient-of-parts"):
-        fl.run_gradient(fl.simulate(dry))
-    fl.run_gradient(fl.simulate(dry.varied({"run.step": 2e-4})))
+    dry = arm(**{"run.method": "Radau5", **LONG, "link.upper.joint.coulomb_width": 1e-3, "run.duration": 0.02})
+    assert fl.simulate(dry).steps.failed > 0
+    np.testing.assert_allclose(*push_and_differences(dry, 3e-7), rtol=1e-6)
+
+
+def test_slopes_that_overflow_are_refused_and_smaller_ones_are_not() -> None:
+    run = fl.simulate(arm(**{"run.method": "Radau5"}))
+    with refused(SceneError, "gradient-not-found"):
+        fl.run_gradient(run, np.full_like(run.q, 1e200))
+    found, unit = fl.run_gradient(run, np.full_like(run.q, 1e100)), fl.run_gradient(run, np.ones_like(run.q))
+    np.testing.assert_allclose(found.dtau, 1e100 * unit.dtau, rtol=1e-9)
 
 
 @pytest.mark.slow

@@ -14,6 +14,8 @@ Gravity, velocity terms, changes of M and dry friction remain to them; a few dir
 The steps are repeated from sample to sample, by the same code as in the run.
 """
 
+import math
+
 import numpy as np
 
 from flexlink.kernels.bodies.inverse import inverse_dynamics_into
@@ -21,7 +23,7 @@ from flexlink.kernels.derivatives.adjoint import add_multiple, stage_back
 from flexlink.kernels.forces.elements import find_own_slopes
 from flexlink.kernels.forward.mass_plus import place_bodies, solve
 from flexlink.kernels.inputs.tip_wrench import put_wrench
-from flexlink.kernels.stepping.adaptive import OUTCOME, advance, forget
+from flexlink.kernels.stepping.adaptive import NEARLY, OUTCOME, advance, forget
 from flexlink.kernels.stepping.implicit_layout import BUTCHER, STAGE, VECTOR, WEIGHT
 from flexlink.kernels.stepping.newton import factor_all
 from flexlink.kernels.stepping.step_state import COUNT, STEPPER
@@ -29,35 +31,74 @@ from flexlink.kernels.tools.compiler import kernel, recursion, subroutine
 
 
 @kernel
-def go_back_implicitly(work, weights, steps, most, passed, starts, samples, given, λ, found):
+def go_back_implicitly(work, weights, steps, laws, most, passed, starts, samples, given, λ, found):
     """Take λ (2, n) of the last sample back to the first one, as in `go_back`; `weights`: M_kk (n,).
 
-    `steps`: arguments of `advance`, for at most `most` steps between samples; `passed`: number of knots up to every
-    sample, at the times `starts`. Returns −2 − row if a step after sample `row`, or its adjoint, is not found.
+    `steps`: arguments of `advance`; `laws`: number of `friction_laws`; `most`: room for steps and their parts between
+    samples; `passed`: number of knots up to every sample, at the times `starts`. Returns −2 − row if the steps after
+    sample `row`, or their adjoint, are not found.
     """
-    implicit, _, inputs, settings, count, state, _, _, _, _ = steps
+    implicit, _, inputs, _, count, state, _, _, _, _ = steps
     (qs, qds), (s, n), now = samples, work.ν.shape, implicit.stepper
-    t, q, K, size = np.empty(most + 1), np.empty((most, 2, n)), np.empty((most, s, n)), min(s * n, 200)
+    taken = np.empty((most, 2)), np.empty((most, 2, n)), np.empty((most, s, n)), np.zeros(1, np.int64)
+    (t, q, K, number), stop, size = taken, (np.empty(1), np.full(1, math.inf)), min(s * n, 200)
     krylov = weights, np.empty((2, s, n)), np.empty((size, s, n)), np.empty((size, s, n)), np.empty(size)
     for row in range(len(found) - 1, -1, -1):
         forget(now)
         state[0][:], state[1][:], found[row, :] = qs[row], qds[row], 0.0
-        now[STEPPER.time], now[STEPPER.step], count[COUNT.knot], i = starts[row], settings[8], passed[row], 0
+        now[STEPPER.time], now[STEPPER.step], count[COUNT.knot], number[0] = starts[row], steps[3][8], passed[row], 0
         while count[COUNT.knot] < passed[row + 1]:
-            t[i], q[i, 0, :], q[i, 1, :] = now[STEPPER.time], state[0], state[1]
-            if advance(*steps) == OUTCOME.stuck:
+            if take(steps, taken) == OUTCOME.stuck and not take_parts(steps, laws, stop, taken):
                 return -2 - row
-            K[i], i = implicit.stages[STAGE.qdd], i + 1
-        t[i] = now[STEPPER.time]
         for k in range(n):
             if state[0][k] != qs[row + 1, k] or state[1][k] != qds[row + 1, k]:
                 return row
-        for j in range(i - 1, -1, -1):
-            implicit.stages[STAGE.qdd] = K[j]
-            if not step_back(work, implicit, inputs, t[j], t[j + 1] - t[j], q[j], krylov, λ, found[row]):
+        for i in range(number[0] - 1, -1, -1):
+            implicit.stages[STAGE.qdd] = K[i]
+            if not step_back(work, implicit, inputs, t[i, 0], t[i, 1] - t[i, 0], q[i], krylov, λ, found[row]):
                 return -2 - row
         λ += given[:, row]
     return -1
+
+
+@recursion
+def take(steps, taken):
+    """Take one step, and add its times, its first state and its K_i to those `taken`; returns its OUTCOME."""
+    (t, q, K, number), implicit, state = taken, steps[0], steps[5]
+    i = number[0]
+    if i == len(t):
+        return OUTCOME.stuck
+    t[i, 0] = implicit.stepper[STEPPER.time]
+    for k in range(len(state[0])):
+        q[i, 0, k], q[i, 1, k] = state[0][k], state[1][k]
+    how = advance(*steps)
+    if how != OUTCOME.stuck:
+        t[i, 1], number[0] = implicit.stepper[STEPPER.time], i + 1
+        for j in range(K.shape[1]):
+            for k in range(K.shape[2]):
+                K[i, j, k] = implicit.stages[STAGE.qdd, j, k]
+    return how
+
+
+@recursion
+def take_parts(steps, laws, stop, taken):
+    """Take a step in parts, as in `MethodSteps.step_in_parts`; return whether this succeeds."""
+    implicit, forward, inputs, settings, count, state, tau, knots, samples, one = steps
+    now, k, step, start = implicit.stepper, count[COUNT.knot], settings[8], implicit.stepper[STEPPER.time]
+    at_knot, how = start + NEARLY * step >= knots[0][k], OUTCOME.stuck
+    stop[0][0] = knots[0][k] if at_knot else start + step
+    for trial in range(6 * laws):
+        part, now[STEPPER.turning] = (stop[0][0] - start) / 2.0 ** (trial % 6 + 1), math.inf if trial > 5 else 0.0
+        forget(now)
+        now[STEPPER.step], count[COUNT.knot], how = part, 0, OUTCOME.goes_on
+        parts = implicit, forward, inputs, (*settings[:7], part, part), count, state, tau, stop, samples, one
+        while how == OUTCOME.goes_on:
+            how = take(parts, taken)
+        if how == OUTCOME.ended:
+            break
+    forget(now)
+    now[STEPPER.turning], now[STEPPER.step], count[COUNT.knot] = 0.0, step, k + 1 if at_knot else k
+    return how == OUTCOME.ended
 
 
 @recursion
@@ -106,7 +147,7 @@ def solve_stages(work, implicit, inputs, t, h, krylov, ν, w):
     precondition(ν, r, implicit)
     first = dot(r, r, weights)
     for m in range(len(p)):
-        if dot(r, r, weights) <= 1e-26 * first:
+        if dot(r, r, weights) <= 1e-26 * first < math.inf:
             return True
         for i in range(len(w)):
             for k in range(len(weights)):
