@@ -181,7 +181,7 @@ def test_gradients_of_random_arms_agree_with_tangents(
     scene = random_scene(seed).varied(bare)
     chain = fl.lump(scene)
     h = 0.3 * min(fl.stable_step(chain, *fl.initial_state(scene, chain)), 1e-2)
-    h, name, steps = (h, "RK4", 20) if explicit else (4 * h, IMPLICIT[seed % len(IMPLICIT)], 8)
+    h, name, steps = (h, "RK4", 20) if explicit else (2 * h, IMPLICIT[seed % len(IMPLICIT)], 8)
     scene = scene.varied({"run": fl.RunSettings(method=name, step=h, sample=2 * h, duration=steps * h)})
     if chain.arrays.rare is not None and any(len(rows) for rows in chain.arrays.rare):
         pytest.skip("Pinocchio has no springs between joints")

@@ -41,7 +41,8 @@ def go_back_implicitly(work, weights, steps, laws, most, passed, starts, samples
     implicit, _, inputs, _, count, state, _, _, _, _ = steps
     (qs, qds), (s, n), now = samples, work.ν.shape, implicit.stepper
     taken = np.empty((most, 2)), np.empty((most, 2, n)), np.empty((most, s, n)), np.zeros(1, np.int64)
-    (t, q, K, number), stop, size = taken, (np.empty(1), np.full(1, math.inf)), min(s * n, 200)
+    (t, q, K, number), stop = taken, (np.empty(1), np.full(1, math.inf))
+    size = min(s * n + 10, 200)  # rounding errors cost a few more than s n directions
     krylov = weights, np.empty((2, s, n)), np.empty((size, s, n)), np.empty((size, s, n)), np.empty(size)
     for row in range(len(found) - 1, -1, -1):
         forget(now)
