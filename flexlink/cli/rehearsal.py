@@ -126,7 +126,9 @@ def _of_runs(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
     free = fixed.varied({"drive": None})
     yield "control", lambda: fl.simulate(free, control=lambda t, q, qd: np.zeros(len(fl.lump(free).active)), rate=1e3)
     yield "simulator", _each(lambda: fl.Simulator(fixed).step(), lambda: fl.Simulator(_by(scene, "auto")).step())
-    yield "gradient", _each(lambda: fl.run_gradient(fl.simulate(free)))
+    for method in ("RK4", "Gauss4"):
+        steps = free.varied({"run.method": method})
+        yield f"gradient by {method}", functools.partial(lambda each: fl.run_gradient(fl.simulate(each)), steps)
     yield "stored run", lambda: _stored(fixed)
     yield "sensitivities", lambda: fl.sensitivities(scene.varied({mass: 0.1}), [mass])
     if scene.name != "space":  # advice would try rotation-vector springs, which another process compiles

@@ -182,7 +182,7 @@ class MethodSteps:
 
     def take(self, most: int) -> int:
         """Attempt up to `most` steps; return an OUTCOME."""
-        return int(self._take_steps(*self._arguments(most)))
+        return int(self._take_steps(*self.arguments(most)))
 
     def turn(self) -> None:
         """Continue in coordinates in which the angles of the base are zero."""
@@ -289,7 +289,7 @@ class MethodSteps:
 
     def _compile(self) -> None:
         kept = self.record.kept if self.given is self.record.inputs else Kept()  # compiled code depends on input types
-        start, steps = (0.0, self.inputs, self.state, self.tau, self.forward), self._arguments(0)
+        start, steps = (0.0, self.inputs, self.state, self.tau, self.forward), self.arguments(0)
         # types of all arguments of the steps; empty if a user's method file may change them
         self.types = types = b"" if is_user_file(self.name) or not kept.types else kept.types + self.name.encode()
         self._begin = kept("begin", None, lambda: direct(adaptive.begin, *start, types=kept.types))
@@ -301,7 +301,8 @@ class MethodSteps:
         take = functools.partial(direct, adaptive.advance, *steps, types=types)
         self._take_steps = kept(("steps", self.name), (types, self.method), take)
 
-    def _arguments(self, most: int) -> tuple[Any, ...]:
+    def arguments(self, most: int) -> tuple[Any, ...]:
+        """Arguments of `adaptive.advance` for up to `most` steps."""
         of_the_method = self.work, self.forward, self.inputs, self.settings
         return *of_the_method, self.count, self.state, self.tau, self.knots, self.samples, most
 

@@ -19,15 +19,24 @@ from flexlink.describe.run_settings import steps_explicitly
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.accelerations import solver_for
+from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.dynamics.result import Result
+from flexlink.dynamics.terms import mass_matrix
+from flexlink.kernels.bodies.rne import rne_workspace
 from flexlink.kernels.derivatives.adjoint import adjoint_workspace, go_back
+from flexlink.kernels.derivatives.implicit_adjoint import go_back_implicitly
 from flexlink.kernels.derivatives.load_gradient import load_gradient_workspace
 from flexlink.kernels.derivatives.planar_load_gradient import planar_load_gradient_workspace
 from flexlink.kernels.inputs.laws import TABLE
 from flexlink.kernels.inputs.record import Drive
 from flexlink.kernels.layout import ChainArrays, Rare
+from flexlink.kernels.stepping.step_state import COUNT
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.motion.inputs.actuation import LINEAR, input_arrays, of_kind
+from flexlink.motion.inputs.problem import problem_of
+from flexlink.motion.method_steps import MethodSteps
+from flexlink.motion.step_workspace import friction_laws
+from flexlink.results.record import Record
 from flexlink.results.trajectory import Trajectory
 
 SUPPORTED = {
@@ -51,15 +60,14 @@ class RunGradient(Result):
 def run_gradient(run: Trajectory, dq: ArrayLike | None = None, dqd: ArrayLike | None = None) -> RunGradient:
     """Gradient of a function J of a run's samples with respect to all drive torques and the initial state.
 
-    It is the gradient of the steps themselves, exact up to rounding, by the adjoint of each step from the last to the
-    first. That takes two to four times as long as the steps, whatever the number of torques. For derivatives with
-    respect to other parameters, or of other runs, see `sensitivities`.
+    It is the gradient of the steps themselves, by the adjoint of each step from the last to the first: exact up to
+    rounding, and of implicit steps up to the residual of their iteration, 1e-13 of the arm's size. That takes one to
+    four times as long as the run, whatever the number of torques. For other parameters or runs, see `sensitivities`.
 
     Parameters
     ----------
     run
-        A run with fixed steps of an explicit method, without a drive or with torques that are given in time, up to
-        `drive.effort`.
+        A run with fixed steps, without a drive or with torques that are given in time, up to `drive.effort`.
     dq, dqd
         ∂J/∂q and ∂J/∂q̇ of every sample, shape (samples, n); None: 0.
 
@@ -74,7 +82,7 @@ def run_gradient(run: Trajectory, dq: ArrayLike | None = None, dqd: ArrayLike | 
         `dq` or `dqd` has the wrong shape, is not real or not finite; or the steps cannot be repeated, since a law in
         Python or another machine made the run.
     SceneError
-        The scene has a feature without gradient, or does not take fixed steps of an explicit method.
+        The scene has a feature without gradient, takes adaptive steps, or an implicit step's adjoint is not found.
 
     Examples
     --------
@@ -91,12 +99,31 @@ def run_gradient(run: Trajectory, dq: ArrayLike | None = None, dqd: ArrayLike | 
     refuse_without_gradient(scene, chain, inputs.drive)
     given = np.array([_slopes("dq", dq, run.q.shape), _slopes("dqd", dqd, run.q.shape)])
     h, every, λ, dtau = scene.run.fixed_step, scene.run.steps_per_sample, given[:, -1].copy(), np.empty_like(run.q[1:])
-    steps = method(scene.run.method).arrays, inputs, h, round(float(run.t[0]) / h), every
-    row = go_back(workspace_for(scene, chain), *steps, (run.q, run.qd), given, λ, dtau)
+    work, samples = workspace_for(scene, chain), ((run.q, run.qd), given, λ, dtau)
+    if steps_explicitly(scene.run):
+        steps = method(scene.run.method).arrays, inputs, h, round(float(run.t[0]) / h), every
+        row = go_back(work, *steps, *samples)
+    else:
+        weights = np.diag(mass_matrix(chain, run.q[-1])).copy()
+        row = go_back_implicitly(work, weights, *_implicit_steps(run, problem_of(scene, chain, inputs)), *samples)
+    if row < -1:
+        why = f"run.step = {h!r}: the adjoint of a step after t = {run.t[-2 - row]:.6g} s does not converge"
+        raise SceneError(f"{why}; give a smaller run.step, or smaller dq and dqd", id="gradient-not-found")
     if row >= 0:
         why = f"run: sample {row + 1} does not follow from its scene; a law in Python or another machine made it"
         raise ArgumentError(f"{why}; repeat it by simulate(run.scene)", id="run-not-repeatable")
     return RunGradient(dtau[:, chain.active], λ[0], λ[1])
+
+
+def _implicit_steps(run: Trajectory, problem: InitialValueProblem) -> tuple[object, ...]:
+    """Implicit steps, number of laws of friction, room for steps, knots up to each sample, times of samples."""
+    steps = MethodSteps(Record(problem, run.t, run.q.copy(), run.qd.copy()), by_drive=True, halved=False, passes=True)
+    starts = problem.run.fixed_step * (steps.record.origin + problem.run.steps_per_sample * np.arange(len(run.t)))
+    steps.aim(*starts[[0, -1]].tolist())
+    steps.count[COUNT.row] = len(run.t)  # no step writes a sample
+    passed = np.searchsorted(steps.knots[0], starts, "right")
+    most = 2 * (problem.run.steps_per_sample + int(np.diff(passed).max(initial=0))) + 1000  # steps that are divided
+    return steps.arguments(1), len(friction_laws(steps.work)), most, passed, starts
 
 
 def _slopes(name: str, value: ArrayLike | None, shape: tuple[int, ...]) -> Array:
@@ -117,19 +144,22 @@ def workspace_for(scene: Scene, chain: Chain) -> object:
         hinges[name] = 0.0
     bodies["springs"] = 0
     rare = None if arrays.rare is None else Rare(*(rows[:0].copy() for rows in arrays.rare))
-    bare = solver_for(chain, "articulated").workspace(ChainArrays(bodies, hinges, np.zeros(3), rare))
+    free = ChainArrays(bodies, hinges, np.zeros(3), rare)
+    bare = solver_for(chain, "articulated").workspace(free)
     loads = planar_load_gradient_workspace(bare) if chain.is_planar else load_gradient_workspace(arrays)
     forward = solver_for(chain, scene.run.solver).workspace(arrays)
+    if not steps_explicitly(scene.run):
+        bare = free, bare if chain.is_planar else rne_workspace(free)
     return adjoint_workspace(arrays, forward, bare, loads, method(scene.run.method).stages)
 
 
 def refuse_without_gradient(scene: Scene, chain: Chain, drive: Drive) -> None:
-    """Refuse what the gradient does not take into account, and methods other than fixed explicit steps."""
+    """Refuse what the gradient does not take into account, and adaptive steps."""
     if found := [*_without_gradient(scene, chain, drive)]:
         text = f"{short_list(found)}: gradients of runs do not support it; leave it out, or use sensitivities"
         raise SceneError(text, id="gradient-not-supported")
-    if not steps_explicitly(scene.run):
-        given = f"run.method = {scene.run.method!r}: gradients of runs need fixed steps of an explicit method"
+    if scene.run.controlled:
+        given = f"run.method = {scene.run.method!r}: gradients of runs need fixed steps"
         raise SceneError(f"{given}; give run.step and run.method = 'RK4'", id="gradient-needs-steps")
 
 

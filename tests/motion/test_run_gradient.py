@@ -18,12 +18,15 @@ from flexlink.kernels.forces.elements import KINDS
 from flexlink.kernels.layout import BODY, HINGE
 from flexlink.motion.run_gradient import SUPPORTED
 from tests.conftest import flexible, make_scene
+from tests.matrix.case import difference
 from tests.support.words import refused
 from validation.random_arms import random_arm, random_tree
 
 Array = NDArray[np.float64]
 TURN = fl.PrescribedMotion(link="upper", times=(0.0,), angle_deg=(-60.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
 BENT = fl.InitialState(joint_deg=(-60.0, 25.0))
+IMPLICIT = ["Gauss4", "Gauss6", "Radau5", "Radau9"]
+LONG = {"run.step": 2e-3, "run.sample": 4e-3, "run.duration": 0.08}
 
 
 def arm(**changes: Any) -> fl.Scene:
@@ -66,6 +69,24 @@ def pinocchio_slopes(chain: fl.Chain) -> Callable[[Array, Array, Array], tuple[A
     return slopes
 
 
+def stages(slopes: Callable[..., tuple[Array, ...]], tableau: tuple[Array, ...], h: float, *acting: Array) -> Any:
+    """V and K of a step (s, n), and what the slopes of all stages give, by Newton's iteration on dense matrices."""
+    (A, _, c), (q, qd, tau) = tableau, acting
+    s, n = len(c), len(q)
+    K, δ = np.zeros((s, n)), np.ones(s * n)
+    for _ in range(30):
+        V = qd + h * A @ K
+        Q = q + h * A @ V
+        f, by_angle, by_rate, inverse = map(np.array, zip(*map(slopes, Q, V, [tau] * s), strict=True))
+        part = np.einsum("ij,ikl->ikjl", h * h * A @ A, by_angle) + np.einsum("ij,ikl->ikjl", h * A, by_rate)
+        left = np.eye(s * n) - part.reshape(s * n, s * n)
+        if np.abs(δ).max() < 1e-10 * np.abs(K).max():
+            break
+        δ = np.linalg.solve(left, (f - K).ravel())
+        K += δ.reshape(s, n)
+    return V, K, by_angle, by_rate, inverse, left
+
+
 def tangents(scene: fl.Scene, tau: Array, pull: Array) -> tuple[Array, Array, Array]:
     """∂J/∂tau, ∂J/∂q and ∂J/∂q̇ of J = Σ pull · (q, q̇), by tangents of all parameters, forward in time."""
     chain, run, (A, b, c) = fl.lump(scene), scene.run, method(scene.run.method).arrays
@@ -78,13 +99,11 @@ def tangents(scene: fl.Scene, tau: Array, pull: Array) -> tuple[Array, Array, Ar
         acting[chain.active] = torque
         by_torque[chain.active, 2 * n + row * len(torque) + np.arange(len(torque))] = 1.0
         for _ in range(run.steps_per_sample):
-            K, V, dK, dV = np.zeros((4, len(c)), dtype=object)
-            for i in range(len(c)):
-                V[i], dV[i] = qd + h * A[i, :i] @ K[:i], S[1] + h * A[i, :i] @ dK[:i]
-                Q, dQ = q + h * A[i, :i] @ V[:i], S[0] + h * A[i, :i] @ dV[:i]
-                K[i], by_angle, by_rate, inverse = slopes(Q, V[i], acting)
-                dK[i] = by_angle @ dQ + by_rate @ dV[i] + inverse @ by_torque
-            q, qd, S = q + h * b @ V, qd + h * b @ K, S + h * np.array([b @ dV, b @ dK])
+            V, K, by_angle, by_rate, inverse, left = stages(slopes, (A, b, c), h, q, qd, acting)
+            right = by_angle @ (S[0] + h * c[:, None, None] * S[1]) + by_rate @ S[1] + inverse @ by_torque
+            dK = np.linalg.solve(left, right.reshape(len(c) * n, -1)).reshape(right.shape)
+            dV = S[1] + h * np.tensordot(A, dK, 1)
+            q, qd, S = q + h * b @ V, qd + h * b @ K, S + h * np.array([np.tensordot(b, x, 1) for x in (dV, dK)])
         gradient += np.einsum("ij,ijk", pull[:, row + 1], S)
     return gradient[2 * n :].reshape(tau.shape), gradient[:n], gradient[n : 2 * n]
 
@@ -105,15 +124,65 @@ def test_gradients_of_all_explicit_methods_agree_with_tangents(name: str) -> Non
     check(arm(**{"run.method": name}))
 
 
+@pytest.mark.parametrize("name", IMPLICIT)
+def test_gradients_of_all_implicit_methods_agree_with_tangents(name: str) -> None:
+    check(arm(**{"run.method": name, **LONG}))
+
+
+@pytest.mark.slow
+def test_a_stiff_arm_has_a_gradient_at_steps_that_explicit_methods_cannot_take() -> None:
+    stiff = arm(**{"run.method": "Radau5", **LONG, "material.aluminium.young": 7e13})
+    assert fl.stable_step(fl.lump(stiff), method="RK4") < LONG["run.step"] / 20
+    check(stiff)
+
+
+def push_and_differences(scene: fl.Scene, h: float) -> tuple[float, float]:
+    """Derivative of Σ q at the end along all initial angles, by the gradient and by differences of step h."""
+    run, last = fl.simulate(scene), np.zeros((scene.run.samples, 6))
+    last[-1] = 1.0
+
+    def end(x: float) -> float:
+        return float(fl.simulate(scene, q0=run.q[0] + x).q[-1].sum())
+
+    return fl.run_gradient(run, last).dq.sum(), difference(end, h)
+
+
+def test_steps_between_knots_off_the_grid_are_repeated() -> None:
+    """A sample is a sum of shorter steps where a knot of a table of torques is within a step."""
+    table = fl.Drive(kind="table", times=(0.0, 0.0073, 0.031), torques=((0.0, 0.0), (9.0, 1.0), (0.0, 4.0)))
+    driven = arm(**{"run.method": "Radau5", **LONG, "drive": table})
+    assert fl.simulate(driven).steps.taken > 40
+    np.testing.assert_allclose(*push_and_differences(driven, 3e-5), rtol=1e-8)
+
+
+def test_steps_that_are_taken_in_parts_are_repeated_in_the_same_parts() -> None:
+    """Newton's iteration fails where dry friction stops a joint within a step, which is then divided."""
+    dry = arm(**{"run.method": "Radau5", **LONG, "link.upper.joint.coulomb_width": 1e-3, "run.duration": 0.02})
+    assert fl.simulate(dry).steps.failed > 0
+    np.testing.assert_allclose(*push_and_differences(dry, 3e-7), rtol=1e-6)
+
+
+def test_slopes_that_overflow_are_refused_and_smaller_ones_are_not() -> None:
+    run = fl.simulate(arm(**{"run.method": "Radau5"}))
+    with refused(SceneError, "gradient-not-found"):
+        fl.run_gradient(run, np.full_like(run.q, 1e200))
+    found, unit = fl.run_gradient(run, np.full_like(run.q, 1e100)), fl.run_gradient(run, np.ones_like(run.q))
+    np.testing.assert_allclose(found.dtau, 1e100 * unit.dtau, rtol=1e-9)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(25))
 @pytest.mark.parametrize("random_scene", [random_arm, random_tree])
-def test_gradients_of_random_arms_agree_with_tangents(random_scene: Callable[[int], fl.Scene], seed: int) -> None:
+@pytest.mark.parametrize("explicit", [True, False])
+def test_gradients_of_random_arms_agree_with_tangents(
+    random_scene: Callable[[int], fl.Scene], seed: int, explicit: bool
+) -> None:
     bare = {"base": None, "wrench": None, "initial.base": None, "drive": None}
     scene = random_scene(seed).varied(bare)
     chain = fl.lump(scene)
     h = 0.3 * min(fl.stable_step(chain, *fl.initial_state(scene, chain)), 1e-2)
-    scene = scene.varied({"run": fl.RunSettings(method="RK4", step=h, sample=2 * h, duration=20 * h)})
+    h, name, steps = (h, "RK4", 20) if explicit else (2 * h, IMPLICIT[seed % len(IMPLICIT)], 8)
+    scene = scene.varied({"run": fl.RunSettings(method=name, step=h, sample=2 * h, duration=steps * h)})
     if chain.arrays.rare is not None and any(len(rows) for rows in chain.arrays.rare):
         pytest.skip("Pinocchio has no springs between joints")
     check(scene, seed)
@@ -133,8 +202,9 @@ def test_a_final_cost_has_the_gradient_of_its_closed_form() -> None:
 
 
 @pytest.mark.slow
-def test_a_gradient_costs_less_than_six_runs() -> None:
-    driven = held(arm(**{"run.sample": 2.5e-5, "run.duration": 0.0125}), np.ones((500, 2)))
+@pytest.mark.parametrize("name", ["RK4", *IMPLICIT])
+def test_a_gradient_costs_less_than_six_runs(name: str) -> None:
+    driven = held(arm(**{"run.method": name, "run.sample": 2.5e-5, "run.duration": 0.0125}), np.ones((500, 2)))
     problem, run = fl.Problem(driven), fl.simulate(driven)
     costs = np.full(2, np.inf)
     for _ in range(20):
@@ -162,21 +232,23 @@ def test_features_without_gradient_are_refused_by_name(changes: dict[str, Any]) 
 
 
 def test_other_steps_are_refused() -> None:
-    for settings in ({"run.method": "Radau5"}, {"run.step": None, "run.tolerance": 1e-4, "run.method": None}):
-        run = fl.simulate(arm(**settings))
+    for name in ("Radau5", None):
+        run = fl.simulate(arm(**{"run.step": None, "run.tolerance": 1e-4, "run.method": name}))
         with refused(SceneError, "gradient-needs-steps"):
             fl.run_gradient(run)
 
 
-def test_a_run_that_its_scene_does_not_repeat_is_refused() -> None:
-    run = fl.simulate(arm(), control=lambda t, q, qd: (1.0, 0.0), rate=20_000.0)
+@pytest.mark.parametrize("name", ["RK4", "Radau5"])
+def test_a_run_that_its_scene_does_not_repeat_is_refused(name: str) -> None:
+    run = fl.simulate(arm(**{"run.method": name}), control=lambda t, q, qd: (1.0, 0.0), rate=20_000.0)
     with refused(ArgumentError, "run-not-repeatable"):
         fl.run_gradient(run)
 
 
-def test_a_stored_run_has_the_same_gradient(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["RK4", "Radau5"])
+def test_a_stored_run_has_the_same_gradient(name: str, tmp_path: Path) -> None:
     pushed = fl.Wrench(times=(0.0, 1e-3), forces=((0.0, 1.0, 0.0), (0.0, 9.0, 0.0)))
-    run = fl.simulate(held(arm(wrench=pushed), np.ones((20, 2))))
+    run = fl.simulate(held(arm(**{"wrench": pushed, "run.method": name}), np.ones((20, 2))))
     again = fl.Trajectory.load(run.save(tmp_path / "run.npz"))
     np.testing.assert_array_equal(fl.run_gradient(again, run.q).dtau, fl.run_gradient(run, run.q).dtau)
 

@@ -97,7 +97,8 @@ def step_back(work, tableau, inputs, h, number, q, stages, λ, torque):
         for j in range(i):
             add_multiple(h * A[i, j], L[j], Q)
         put_wrench(inputs.loads, (number + c[i]) * h, (number + 0.5) * h, Q, L[i], inputs.wrench)
-        stage_back(work, inputs.wrench, Q, L[i], K[i], ν[i], w, κ, δ)
+        forward_dynamics(work.nothing, Q, vectors[0], ν[i], w, work.bare)
+        stage_back(work, inputs.wrench, Q, L[i], K[i], w, κ, δ)
         add_multiple(1.0, δ, ρ[i])
         for j in range(i):
             add_multiple(h * A[i, j], ρ[i], ν[j])
@@ -108,10 +109,9 @@ def step_back(work, tableau, inputs, h, number, q, stages, λ, torque):
 
 
 @recursion
-def stage_back(work, wrench, q, qd, qdd, ν, w, κ, δ):
-    """Write w = M⁻¹ ν, κ and δ (n,)."""
+def stage_back(work, wrench, q, qd, qdd, w, κ, δ):
+    """Write κ and δ (n,) for w; a planar chain must be placed at the angles q."""
     hinges = work.chain.hinges
-    forward_dynamics(work.nothing, q, work.vectors[0], ν, w, work.bare)
     load_gradient(work.chain, wrench, q, qd, qdd, w, κ, δ, work.loads)
     for k in range(len(q)):
         κ[k] = -κ[k] - hinges[k].stiffness * w[k]

@@ -51,6 +51,7 @@ def begin_tied(state, work):
     done[1] += accelerate(t, q, qd, qdd, work)
 
 
+@shared
 @entry
 def advance(work, forward, inputs, settings, count, state, tau, knots, samples, most):
     """Take up to `most` steps from `state` q, q̇, q̈ (n,) and W (2,), in place, and fill in the samples on the way.
