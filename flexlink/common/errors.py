@@ -5,6 +5,7 @@ from __future__ import annotations
 import copyreg
 import importlib
 import signal
+from collections.abc import Callable
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Self
 
@@ -241,3 +242,11 @@ def imported(name: str, needs: str, extra: str) -> ModuleType:
     except ImportError:
         why = f"{needs} install it with: {how_to_install(extra)}"
         raise MissingDependencyError(why, id="package-missing") from None
+
+
+def or_error(function: Callable[..., Any], *arguments: object) -> Any:
+    """What a function returns, or the error that it raises."""
+    try:
+        return function(*arguments)
+    except FlexlinkError as error:
+        return error

@@ -6,7 +6,7 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
-from flexlink.common.memo import Memo
+from flexlink.common.memo import Memo, keep_last
 from flexlink.common.types import Array
 from flexlink.describe.joint import refuse_beyond
 from flexlink.describe.reference import smooth_pieces
@@ -105,12 +105,10 @@ def holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolyno
 
     Each polynomial passes through six equilibria, with the errors of `static_postures`; large rotations need more.
     """
-    return PiecewisePolynomial(*(part.copy() for part in TORQUES.calling(_holding_torque, chain, target)))
+    return PiecewisePolynomial(*(part.copy() for part in _holding_torque(chain, target)))
 
 
-TORQUES = Memo(16)  # cache of holding torques by chain and reference, as each requires hundreds of equilibria
-
-
+@keep_last(16)  # each requires hundreds of equilibria
 def _holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
     course = ReferenceTrajectory(*target)
     knots = _divided(*target)
