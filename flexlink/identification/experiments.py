@@ -170,11 +170,6 @@ class Experiments(Spec, frozen=True):
             return spec.decode(raw, cls)
 
 
-def built_in() -> Experiments:
-    """The experiments in `experiments.toml`, next to this file."""
-    return Experiments.load(Path(__file__).parent / "experiments.toml")
-
-
 def _check_pattern(key: str, pattern: str) -> None:
     try:
         re.compile(pattern)
