@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlink.common.errors import ArgumentError, DataFileError, SceneError
+from flexlink.common.errors import SceneError, errors_at
 from flexlink.common.types import Array
 from flexlink.common.wording import both_given, missing, truncated
 from flexlink.describe import profiles
@@ -221,17 +221,11 @@ class Reference(Spec, frozen=True):
             for key, slide in ((name, False), (IN_METRES[name], True)):
                 if slide in {kinds[k] for k in chosen} and self._is_given(name) and getattr(self, key) is None:
                     raise missing(key, f"there are {OF_JOINT[slide].name} joints")
-        try:
-            with np.errstate(all="ignore"):
-                times = self.times
-                course = self._move(start, chosen, kinds) if times is None else self._table(times, chosen, kinds)
-        except ArgumentError as error:
-            raise SceneError(str(error)) from None
-        try:
+        with errors_at(""), np.errstate(all="ignore"):
+            times = self.times
+            course = self._move(start, chosen, kinds) if times is None else self._table(times, chosen, kinds)
+        with errors_at("shaper."):
             return course if self.shaper is None else course.shaped(*self.shaper.impulses)
-        except (ArgumentError, DataFileError) as error:
-            kind = DataFileError if isinstance(error, DataFileError) else SceneError
-            raise kind(f"shaper.{error}") from None
 
     def _own(self, name: str, slides: Slides) -> Row:
         """The list `name` and its twin, merged in the joints' own units, deg or m."""

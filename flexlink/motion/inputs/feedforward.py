@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import SceneError, errors_at
 from flexlink.common.memo import Memo, keep_last
 from flexlink.common.types import Array
 from flexlink.describe.joint import refuse_beyond
@@ -44,10 +44,8 @@ def _tip_arrays(scene: Scene, chain: Chain) -> tuple[ReferenceTrajectory, Array,
     parts = [part[:, chain.active] for part in from_rest_to_rest(found)]
     joints = resting(found.times, smooth_pieces(found.times, parts), parts[0][-1])
     driven = [scene.arm.links[chain.coordinate(int(k)).link - 1] for k in chain.active]
-    try:
+    with errors_at("drive.reference: with follows = 'tip', "):
         refuse_beyond(joints, [(link.name, link.joint) for link in driven])
-    except SceneError as error:
-        raise SceneError(f"drive.reference: with follows = 'tip', {error}") from None
     return joints, found.times, acting_torques(scene, found)
 
 
