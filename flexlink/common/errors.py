@@ -246,11 +246,12 @@ def imported(name: str, needs: str, extra: str) -> ModuleType:
 
 
 @contextlib.contextmanager
-def errors_at(place: str) -> Iterator[None]:
-    """Let errors of a description begin with its place in a scene or in a file; wrong arguments are mistakes there."""
+def errors_at(place: str, *others: type[FlexlinkError]) -> Iterator[None]:
+    """Let errors of a description begin with its place in a scene or file; `others` become errors of the scene."""
+    described: tuple[type[FlexlinkError], ...] = (SceneError, DataFileError, *others)
     try:
         yield
-    except (SceneError, ArgumentError, DataFileError) as error:
+    except described as error:
         kind = DataFileError if isinstance(error, DataFileError) else SceneError
         raise kind(f"{place}{error}") from None
 

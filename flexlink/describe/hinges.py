@@ -28,7 +28,7 @@ HINGES = Memo(64)
 def _of_all(arm: Arm) -> list[tuple[Array, Array]]:
     hinges = []
     for k, link in enumerate(arm.links, 1):
-        with errors_at(f"{arm.path(k)}."):
+        with errors_at(f"{arm.path(k)}.", ArgumentError):
             hinges.append(_hinges_of(link))
     return hinges
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlink.common.errors import SceneError, errors_at
+from flexlink.common.errors import ArgumentError, SceneError, errors_at
 from flexlink.common.types import Array
 from flexlink.common.wording import both_given, missing, truncated
 from flexlink.describe import profiles
@@ -221,10 +221,10 @@ class Reference(Spec, frozen=True):
             for key, slide in ((name, False), (IN_METRES[name], True)):
                 if slide in {kinds[k] for k in chosen} and self._is_given(name) and getattr(self, key) is None:
                     raise missing(key, f"there are {OF_JOINT[slide].name} joints")
-        with errors_at(""), np.errstate(all="ignore"):
+        with errors_at("", ArgumentError), np.errstate(all="ignore"):
             times = self.times
             course = self._move(start, chosen, kinds) if times is None else self._table(times, chosen, kinds)
-        with errors_at("shaper."):
+        with errors_at("shaper.", ArgumentError):
             return course if self.shaper is None else course.shaped(*self.shaper.impulses)
 
     def _own(self, name: str, slides: Slides) -> Row:

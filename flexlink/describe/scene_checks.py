@@ -5,7 +5,7 @@ Messages name the path, the value and what is allowed. `wrong_lists` yields all 
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from flexlink.common.errors import Diagnostic, SceneError, errors_at
+from flexlink.common.errors import ArgumentError, Diagnostic, SceneError, errors_at
 from flexlink.common.wording import did_you_mean, truncated
 from flexlink.describe.actions import PrescribedMotion, Wrench
 from flexlink.describe.arm import BASE, Arm
@@ -87,7 +87,7 @@ def check_motions(arm: Arm, initial: InitialState, drive: Drive, motions: Sequen
 def _check_motion(arm: Arm, initial: InitialState, motion: PrescribedMotion) -> int:
     """Check a motion, and return the number of the link that it moves."""
     path = f"motion.{link_key([str(motion.link)], 0)}"
-    with errors_at(f"{path}."):
+    with errors_at(f"{path}.", ArgumentError):
         number = arm.number(motion.link)
     if arm.links[number - 1].joint.locked:
         raise SceneError(f"{path}: its joint is locked; a motion needs a free joint", id="motion-of-locked-joint")

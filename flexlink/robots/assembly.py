@@ -8,7 +8,7 @@ import numpy as np
 
 from flexlink.chain.coordinates import unique
 from flexlink.chain.rigid import Pose, rpy_from_matrix
-from flexlink.common.errors import DataFileError, SceneError, errors_at
+from flexlink.common.errors import DataFileError, SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import short_list, truncated
 from flexlink.describe.arm import BASE, Arm, Base
@@ -89,8 +89,10 @@ def _imported_links(
     for number, (part, beyond) in enumerate(zip(way.parts, way.beyond(), strict=True), 1):
         imported = ImportedLink(_rigid(part, names[number], stops[part.parent], armature.get(part.joint.name, 0.0)))
         if part.link in flexible:
-            with errors_at(f"flexible: link {truncated(part.link)}: "):
+            try:
                 imported = bent(part, imported.link, flexible[part.link], beyond.p)
+            except SceneError as error:
+                raise SceneError(f"flexible: link {truncated(part.link)}: {error}") from None
         stops.append(_stop(imported.link))
         yield imported
 
