@@ -9,8 +9,6 @@ A floating base is Drake's floating base with a quaternion, whose coordinates ar
 a floating base runs in flexlink's coordinates: the scene's Runge-Kutta method integrates Drake's accelerations.
 """
 
-from __future__ import annotations
-
 import importlib.metadata
 import re
 from collections.abc import Mapping, Sequence

@@ -12,8 +12,6 @@ Exudyn returns f = M q̈, the sum of all torques. Two more trees give the indivi
 dampers (f = −T_GC), and a tree without masses (f = −T_FL − d q̇).
 """
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 from collections.abc import Callable, Iterator, Sequence

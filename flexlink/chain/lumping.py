@@ -22,7 +22,7 @@ from flexlink.chain.forces import with_forces
 from flexlink.chain.odd_bodies import require_positive_mass
 from flexlink.chain.rigid import HERE, about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, reference_rotation, turn_to
 from flexlink.chain.shapes import with_shapes
-from flexlink.common.errors import FlexlinkError, SceneError
+from flexlink.common.errors import FlexlinkError, SceneError, or_error
 from flexlink.common.memo import Memo
 from flexlink.common.types import Array
 from flexlink.data.documents import is_user_file
@@ -154,13 +154,7 @@ def lump_many(scenes: Sequence[Scene]) -> list[Chain | FlexlinkError]:
         if len(members) > 1:
             rows = zip(*_numbers(one, [scenes[k].arm for k in members]), strict=True)
             ready |= {k: partial(_finished, one, scenes[k], *own) for k, own in zip(members, rows, strict=True)}
-    chains: list[Chain | FlexlinkError] = []
-    for k, scene in enumerate(scenes):
-        try:
-            chains.append(ready[k]() if k in ready else lump(scene))
-        except FlexlinkError as error:
-            chains.append(error)
-    return chains
+    return [or_error(ready.get(k, partial(lump, scene))) for k, scene in enumerate(scenes)]
 
 
 def _same_frame(before: Scene, scene: Scene) -> bool:

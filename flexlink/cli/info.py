@@ -113,7 +113,10 @@ def _show(about: Mapping[str, Any]) -> None:
         if hertz:
             print(f"{kind} frequencies in the initial configuration, joints free [Hz]: {some}")
     if about["modes"]:
-        print(_left_by_ties(about) or first_elastic(about["first_elastic_hz"]))
+        ties, left = about["ties"], freedoms - sum(tie["independent_rows"] for tie in about["ties"])
+        each = ", ".join(f"{tie['name']} {tie['about']}" for tie in ties)
+        held = f"ties leave {left} of {plural(freedoms, 'degree')} of freedom: {each}"
+        print(held if ties else first_elastic(about["first_elastic_hz"]))
     fastest, slowest = about["fastest_eigenvalue_per_s"], about["slowest_elastic_rad_per_s"]
     if np.isfinite(slowest):
         ends = f"fastest eigenvalue {fastest:.4g} 1/s, slowest elastic mode {slowest:.4g} rad/s with free joints"
@@ -130,14 +133,6 @@ def _ties(scene: Scene, chain: Chain, q: Array) -> Iterator[dict[str, Any]]:
         of, spring = number_of_rows(tie), not tie.exact
         held = "spring" if spring else plural(of, "row") + (f", {of - rows} redundant" if rows < of else "")
         yield {"name": tie.name, "kind": tie.kind, "independent_rows": rows, "about": f"({tie.kind}, {held})"}
-
-
-def _left_by_ties(about: Mapping[str, Any]) -> str:
-    """Degrees of freedom that ties leave, in words; empty without ties."""
-    ties, freedoms = about["ties"], about["degrees_of_freedom"]
-    left = freedoms - sum(tie["independent_rows"] for tie in ties)
-    each = ", ".join(f"{tie['name']} {tie['about']}" for tie in ties)
-    return f"ties leave {left} of {plural(freedoms, 'degree')} of freedom: {each}" if ties else ""
 
 
 def _kind(chain: Chain, k: int) -> str:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import copyreg
 import importlib
 import signal
+from collections.abc import Callable, Iterator
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Self
 
@@ -241,3 +243,22 @@ def imported(name: str, needs: str, extra: str) -> ModuleType:
     except ImportError:
         why = f"{needs} install it with: {how_to_install(extra)}"
         raise MissingDependencyError(why, id="package-missing") from None
+
+
+@contextlib.contextmanager
+def errors_at(place: str, *others: type[FlexlinkError]) -> Iterator[None]:
+    """Let errors of a description begin with its place in a scene or file; `others` become errors of the scene."""
+    described: tuple[type[FlexlinkError], ...] = (SceneError, DataFileError, *others)
+    try:
+        yield
+    except described as error:
+        kind = DataFileError if isinstance(error, DataFileError) else SceneError
+        raise kind(f"{place}{error}") from None
+
+
+def or_error(function: Callable[..., Any], *arguments: object) -> Any:
+    """What a function returns, or the error that it raises."""
+    try:
+        return function(*arguments)
+    except FlexlinkError as error:
+        return error

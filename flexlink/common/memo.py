@@ -39,10 +39,6 @@ class Memo:
                 self._results.popitem(last=False)
         return result
 
-    def calling(self, find: Callable[..., T], of: object, *given: object) -> T:
-        """The result of `find(of, *given)`, keyed by `of` and the contents of all arguments."""
-        return self(of, (find, contents(given)), lambda: find(of, *given))
-
 
 def keep_last(size: int) -> Callable[[Function], Function]:
     """Keep the last results of a function, keyed by the first argument's identity and the `contents` of all others."""

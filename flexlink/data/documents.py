@@ -1,6 +1,5 @@
 """Read files named by the user, parse TOML documents, and handle paths and file names inside a document."""
 
-import contextlib
 import errno
 import os
 import re
@@ -13,7 +12,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from flexlink.common.errors import ArgumentError, DataFileError, Diagnostic, FlexlinkError, SceneError
+from flexlink.common.errors import ArgumentError, Diagnostic, FlexlinkError, SceneError
 from flexlink.common.types import T
 from flexlink.common.wording import truncated
 
@@ -61,15 +60,6 @@ def _plain(value: object) -> object:
     if isinstance(value, complex):
         return value.real, value.imag
     raise NotImplementedError(type(value).__name__)
-
-
-@contextlib.contextmanager
-def errors_of(path: Path) -> Iterator[None]:
-    """Prefix errors about a file's content with the file's path."""
-    try:
-        yield
-    except (SceneError, DataFileError) as error:
-        raise type(error)(f"{path}: {error}") from None
 
 
 def is_user_file(name: object) -> bool:

@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 from typing import Any, cast
 
-from flexlink.common.errors import ArgumentError, DataFileError, SceneError
+from flexlink.common.errors import ArgumentError, DataFileError, SceneError, errors_at
 from flexlink.common.types import T
 from flexlink.common.wording import did_you_mean, truncated
 from flexlink.data.documents import absolute, is_user_file, read_toml
@@ -54,7 +54,5 @@ def _ours(folder: str, name: str, kind: Any) -> Any:
 def _decoded(path: Path, _version: tuple[int, ...], kind: Any) -> Any:
     """Decode a file, and decode it again only after it has changed."""
     raw = read_toml(path)
-    try:
+    with errors_at(f"{path}: "):
         return decode(raw, kind)
-    except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None

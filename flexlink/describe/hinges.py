@@ -4,7 +4,7 @@ import functools
 
 import numpy as np
 
-from flexlink.common.errors import ArgumentError, DataFileError, SceneError
+from flexlink.common.errors import ArgumentError, SceneError, errors_at
 from flexlink.common.memo import Memo
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
@@ -28,11 +28,8 @@ HINGES = Memo(64)
 def _of_all(arm: Arm) -> list[tuple[Array, Array]]:
     hinges = []
     for k, link in enumerate(arm.links, 1):
-        try:
+        with errors_at(f"{arm.path(k)}.", ArgumentError):
             hinges.append(_hinges_of(link))
-        except (ArgumentError, SceneError, DataFileError) as error:
-            kind = DataFileError if isinstance(error, DataFileError) else SceneError
-            raise kind(f"{arm.path(k)}.{error}") from None
     return hinges
 
 

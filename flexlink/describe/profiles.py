@@ -106,11 +106,6 @@ MOVES: dict[str, tuple[Shape, Callable[[float, Limits], Shape]]] = {
 a third of the move each; in an S-curve, acceleration rises, stays constant and falls for a third of each speed ramp."""
 
 
-def rest_to_rest(times: Sequence[float], values: Sequence[float]) -> Array:
-    """Quintic pieces through values at these times, at rest at each, and a constant one after the last."""
-    return quintics(times, np.array(values)[:, None] * [1.0, 0.0, 0.0])
-
-
 def quintics(times: Sequence[float], rows: Array) -> Array:
     """Quintic pieces through rows of value, rate and acceleration, followed by a piece with the final rate."""
     pieces = np.zeros((len(times), 6))

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlink.common.errors import ArgumentError, DataFileError, SceneError
+from flexlink.common.errors import ArgumentError, SceneError, errors_at
 from flexlink.common.types import Array
 from flexlink.common.wording import both_given, missing, truncated
 from flexlink.describe import profiles
@@ -217,25 +217,15 @@ class Reference(Spec, frozen=True):
                 raise SceneError(text, id="one-per-link")
         chosen = list(range(len(start)) if links is None else links)
         kinds = (False,) * len(start) if slides is None else tuple(map(bool, slides))
-        self._require_lists({kinds[k] for k in chosen})
-        try:
-            with np.errstate(all="ignore"):
-                times = self.times
-                course = self._move(start, chosen, kinds) if times is None else self._table(times, chosen, kinds)
-        except ArgumentError as error:
-            raise SceneError(str(error)) from None
-        try:
+        for name in ("to_deg", *OF_MOTION):  # there must be targets, or tables, in the unit of each kind of joint
+            for key, slide in ((name, False), (IN_METRES[name], True)):
+                if slide in {kinds[k] for k in chosen} and self._is_given(name) and getattr(self, key) is None:
+                    raise missing(key, f"there are {OF_JOINT[slide].name} joints")
+        with errors_at("", ArgumentError), np.errstate(all="ignore"):
+            times = self.times
+            course = self._move(start, chosen, kinds) if times is None else self._table(times, chosen, kinds)
+        with errors_at("shaper.", ArgumentError):
             return course if self.shaper is None else course.shaped(*self.shaper.impulses)
-        except (ArgumentError, DataFileError) as error:
-            kind = DataFileError if isinstance(error, DataFileError) else SceneError
-            raise kind(f"shaper.{error}") from None
-
-    def _require_lists(self, kinds: set[bool]) -> None:
-        """Check that there are targets, or tables, in the unit of each kind of joint."""
-        for name in ("to_deg", *OF_MOTION):
-            for key, slides in ((name, False), (IN_METRES[name], True)):
-                if slides in kinds and self._is_given(name) and getattr(self, key) is None:
-                    raise missing(key, f"there are {OF_JOINT[slides].name} joints")
 
     def _own(self, name: str, slides: Slides) -> Row:
         """The list `name` and its twin, merged in the joints' own units, deg or m."""

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Never
 import msgspec
 from msgspec.structs import FieldInfo, replace
 
-from flexlink.common.errors import ArgumentError, DataFileError, Diagnostic, SceneError
+from flexlink.common.errors import ArgumentError, Diagnostic, SceneError, errors_at
 from flexlink.common.memo import Memo, keep_last
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.output import write_text
@@ -218,12 +218,10 @@ class Scene(Spec, frozen=True):
             return None
         reference, start, slides = self.drive.reference, self.starts, self.arm.slides
         free = tuple(k for k, link in enumerate(self.arm.links) if not link.joint.locked)
-        try:
+        with errors_at("drive.reference."):
             if reference.shaper is not None and documents.is_user_file(reference.shaper.kind):  # the file may change
                 return reference.course(start, free, slides)
             return _course(reference, start, free, slides)
-        except (SceneError, DataFileError) as error:
-            raise type(error)(f"drive.reference.{error}") from None
 
     @property
     def tip_wrench(self) -> Array:

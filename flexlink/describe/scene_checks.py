@@ -5,7 +5,7 @@ Messages name the path, the value and what is allowed. `wrong_lists` yields all 
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from flexlink.common.errors import ArgumentError, Diagnostic, SceneError
+from flexlink.common.errors import ArgumentError, Diagnostic, SceneError, errors_at
 from flexlink.common.wording import did_you_mean, truncated
 from flexlink.describe.actions import PrescribedMotion, Wrench
 from flexlink.describe.arm import BASE, Arm
@@ -87,10 +87,8 @@ def check_motions(arm: Arm, initial: InitialState, drive: Drive, motions: Sequen
 def _check_motion(arm: Arm, initial: InitialState, motion: PrescribedMotion) -> int:
     """Check a motion, and return the number of the link that it moves."""
     path = f"motion.{link_key([str(motion.link)], 0)}"
-    try:
+    with errors_at(f"{path}.", ArgumentError):
         number = arm.number(motion.link)
-    except ArgumentError as error:
-        raise SceneError(f"{path}.{error}") from None
     if arm.links[number - 1].joint.locked:
         raise SceneError(f"{path}: its joint is locked; a motion needs a free joint", id="motion-of-locked-joint")
     joint = arm.links[number - 1].joint
@@ -155,12 +153,10 @@ def check_reference(arm: Arm, drive: Drive, course: ReferenceTrajectory | None, 
             if wrong:
                 id = "both-given" if drive.kind == "pd" else "needs-pd"
                 raise SceneError(f"drive.reference.follows = 'tip': {why}", id=id)
-    try:
+    with errors_at("drive.reference "):
         refuse_beyond(course, [(link.name, link.joint) for link in arm.links if not link.joint.locked])
         for time in [] if run.controlled or drive.rate else course.jumps:
             run.require_steps("has a jump in angle or rate: t", float(f"{time:.12g}"))
-    except SceneError as error:
-        raise SceneError(f"drive.reference {error}") from None
 
 
 def check_rate(initial: InitialState, drive: Drive, run: RunSettings) -> None:

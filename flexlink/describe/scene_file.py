@@ -5,7 +5,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import SceneError, errors_at
 from flexlink.common.wording import truncated
 from flexlink.data import documents
 from flexlink.describe.scene import FIELDS, Scene, scene_from
@@ -47,7 +47,7 @@ def load_scene(path: str | Path, *, changes: Mapping[str, object] = MappingProxy
     """
     path = documents.require_path("path", path)
     raw = documents.with_absolute_paths(path.parent, documents.read_toml(path))
-    with documents.errors_of(path):
+    with errors_at(f"{path}: "):
         if "scene" in raw and "link" not in raw:  # the file names a scene
             what, command = ("fit problem", "fit") if "parameter" in raw else ("sweep", "sweep")
             raise SceneError(f"this is a {what}, not a scene; run it by flexlink {command}", id="is-no-scene")

@@ -1,7 +1,5 @@
 """Base class of all descriptions, which are checked when built in Python, and decoded strictly from parsed TOML."""
 
-from __future__ import annotations
-
 import functools
 import math
 import operator

@@ -24,8 +24,8 @@ from flexlink.describe.tie import refuse_ties
 from flexlink.diagnosis.diagnosis import Diagnosis, diagnose, diagnose_file
 from flexlink.diagnosis.quantities import QUANTITIES, Difference, compare_engines, mixed_states, with_ties
 from flexlink.engines import Engine, load, load_here
-from flexlink.engines.base import FileEngine, ForeignFile
-from flexlink.engines.child_process import IsolatedEngine
+from flexlink.engines.base import ForeignFile
+from flexlink.engines.child_process import FileEngine, IsolatedEngine
 
 MAX_SAMPLES = 100_000  # each takes a few milliseconds
 

@@ -12,7 +12,6 @@ With implicit damping, v' = v + h (−ω² x − d v'), it is stable if h² ω²
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -33,7 +32,8 @@ from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.engines import ENGINES
 from flexlink.engines.actuators import mark_unspecified, not_compared, taken_from_scene, with_drive
-from flexlink.engines.base import Engine, FileEngine, Samples
+from flexlink.engines.base import Delegate, Engine, Samples
+from flexlink.engines.child_process import FileEngine
 from flexlink.engines.read_back import ACTUATOR_FIELDS, COUPLED_FIELDS, ReadBack, of_chain, to_chain
 
 WITHOUT_WRENCH = {name: term for name, term in QUANTITIES.items() if "wrench" not in name}
@@ -208,31 +208,18 @@ def _explain(
     return Diagnosis(engine.name, tuple(rows), tuple(each), explained)
 
 
-def _reordered(method: Any) -> Any:
-    """Convert a method of the engine, so that arguments and results are in our order."""
-
-    @functools.wraps(method)
-    def call(reordered: Reordered, *arguments: Array, **named: Any) -> Array:
-        inverse = np.argsort(reordered.order)
-        values = getattr(reordered.engine, method.__name__)(*(x[inverse] for x in arguments), **named)
-        return np.asarray(values[np.ix_(*[reordered.order] * values.ndim)])
-
-    return call
-
-
-class Reordered:
+class Reordered(Delegate):
     """An engine with reordered joints: joint k is joint `order[k]` of the original engine."""
 
     def __init__(self, engine: Engine, order: Indices) -> None:
         self.engine, self.order = engine, order
         self.name, self.version, self.n = engine.name, engine.version, engine.n
 
-    mass_matrix = _reordered(Engine.mass_matrix)
-    bias_torque = _reordered(Engine.bias_torque)
-    gravity_torque = _reordered(Engine.gravity_torque)
-    elastic_torque = _reordered(Engine.elastic_torque)
-    friction_torque = _reordered(Engine.friction_torque)
-    forward_dynamics = _reordered(Engine.forward_dynamics)
+    def _evaluate(self, name: str, *arguments: Array, **named: Any) -> Array:
+        """Convert arguments to the engine's order, and the result to our order."""
+        inverse = np.argsort(self.order)
+        values = getattr(self.engine, name)(*(x[inverse] for x in arguments), **named)
+        return np.asarray(values[np.ix_(*[self.order] * values.ndim)])
 
     def integrate(self, scene: Scene) -> Samples:
         """Raise an error, because foreign files are not simulated."""

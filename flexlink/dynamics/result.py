@@ -1,7 +1,5 @@
 """Base classes of results: their arrays are read-only, even in copies and pickles, and can be saved in files."""
 
-from __future__ import annotations
-
 import dataclasses
 import io
 import zipfile

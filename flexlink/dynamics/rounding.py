@@ -249,11 +249,6 @@ def of_energy_balance(chain: Chain, energy: Array, work: Array, q: Array) -> Arr
     return np.asarray(4 * EPS * size)
 
 
-def of_position(chain: Chain) -> float:
-    """Rounding error of the tip position in a step [m], 10 eps times the arm's size."""
-    return of_reach(chain.size)
-
-
 def of_reach(reach: float, angle: float = 1.0) -> float:
     """Rounding error [m] of a position at distance `reach` from the origin, with hinge angles up to `angle` [rad]."""
     return ROUNDINGS * EPS * reach * max(angle, 1.0)

@@ -15,7 +15,7 @@ from flexlink.common.errors import ArgumentError, Diagnostic, SceneError
 from flexlink.common.types import Array, Indices
 from flexlink.common.wording import short_list, truncated
 from flexlink.describe.directions import unit
-from flexlink.describe.profiles import rest_to_rest
+from flexlink.describe.profiles import quintics
 from flexlink.describe.run_settings import AUTO
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
@@ -63,7 +63,7 @@ def _lengths(ties: list[Tie], rows: Indices) -> MotionTable:
     """The lengths that move, as motions of these rows."""
     if not ties:
         return no_motion()
-    pieces = [rest_to_rest(tie.times or (), tie.lengths or ()) for tie in ties]
+    pieces = [quintics(tie.times or (), np.array(tie.lengths or ())[:, None] * [1.0, 0.0, 0.0]) for tie in ties]
     first = np.cumsum([0, *map(len, pieces)], dtype=np.int64)
     return MotionTable(rows, first, np.concatenate([tie.times or () for tie in ties]), np.concatenate(pieces))
 

@@ -6,9 +6,10 @@ Units, signs and joint order are as in `flexlink.dynamics`; arrays are float64 o
 (f_x, f_y, f_z, m_x, m_y, m_z) [N, N m] acts on the arm at the origin of the tip frame and is given in axes of frame 0.
 """
 
+import functools
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,14 +76,25 @@ class Engine(Protocol):
         """Return the arm's properties as this engine has read them."""
 
 
-class FileEngine(Engine, Protocol):
-    """An engine that has loaded a foreign file."""
+def evaluated(method: Any) -> Any:
+    """The method of an engine, with its signature, that hands its name and its arguments to `_evaluate`."""
 
-    def fill_missing(self, fields: Mapping[str, Array]) -> None:
-        """Set the fields of `ReadBack` that the file does not specify."""
+    @functools.wraps(method)
+    def call(engine: Any, *arguments: Any, **named: Any) -> Any:
+        return engine._evaluate(method.__name__, *arguments, **named)
 
-    def neutralize_settings(self) -> None:
-        """Disable everything that acts in addition to gravity, springs and dampers."""
+    return call
+
+
+class Delegate:
+    """An engine that has `_evaluate`, by which others evaluate its terms."""
+
+    mass_matrix = evaluated(Engine.mass_matrix)
+    bias_torque = evaluated(Engine.bias_torque)
+    gravity_torque = evaluated(Engine.gravity_torque)
+    elastic_torque = evaluated(Engine.elastic_torque)
+    friction_torque = evaluated(Engine.friction_torque)
+    forward_dynamics = evaluated(Engine.forward_dynamics)
 
 
 class ForeignFile(NamedTuple):

@@ -8,7 +8,6 @@ engine of the same name, because starting and importing takes a second or two.
 """
 
 import contextlib
-import functools
 import os
 import pickle
 import signal
@@ -26,7 +25,7 @@ from flexlink import engines
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, EngineError, FlexlinkError
 from flexlink.describe.scene import Scene
-from flexlink.engines.base import Engine, FileEngine, ForeignFile, Samples
+from flexlink.engines.base import Delegate, Engine, ForeignFile, OtherProgram, Samples, evaluated
 
 CALL_TIMEOUT = 300.0
 """Time limit of a call [s]. A call takes milliseconds, but a first run may have to compile flexlink's kernels."""
@@ -155,17 +154,7 @@ def _listen(stdin: IO[bytes], calls: SimpleQueue[bytes]) -> None:
     os._exit(1)
 
 
-def _in_child(method: Any) -> Any:
-    """Wrap a method of `Engine` to call the same method of the engine in the child."""
-
-    @functools.wraps(method)
-    def call(engine: Any, *arguments: Any, **named: Any) -> Any:
-        return engine._call(method.__name__, _run, method.__name__, *arguments, **named)
-
-    return call
-
-
-class IsolatedEngine:
+class IsolatedEngine(Delegate):
     """Engine `name` with a chain or a file; implements `Engine` and runs every method in a child process."""
 
     def __init__(self, name: str, source: Chain | ForeignFile) -> None:
@@ -179,21 +168,18 @@ class IsolatedEngine:
         except ArgumentError as error:
             raise ArgumentError("; ".join([str(error), *self.stderr_errors])) from None
 
-    mass_matrix = _in_child(Engine.mass_matrix)
-    bias_torque = _in_child(Engine.bias_torque)
-    gravity_torque = _in_child(Engine.gravity_torque)
-    elastic_torque = _in_child(Engine.elastic_torque)
-    friction_torque = _in_child(Engine.friction_torque)
-    forward_dynamics = _in_child(Engine.forward_dynamics)
-    read_back = _in_child(Engine.read_back)
-    fill_missing = _in_child(FileEngine.fill_missing)
-    neutralize_settings = _in_child(FileEngine.neutralize_settings)
+    read_back = evaluated(Engine.read_back)
+    fill_missing = evaluated(OtherProgram.fill_missing)
+    neutralize_settings = evaluated(OtherProgram.neutralize_settings)
 
     def integrate(self, scene: Scene) -> Samples:
         """Run the scene; the time limit grows with the number of steps."""
         steps = scene.run.samples * scene.run.steps_per_sample
-        samples: Samples = self._call("integrate", _run, "integrate", scene, more=TIMEOUT_PER_STEP * steps)
+        samples: Samples = self._evaluate("integrate", scene, more=TIMEOUT_PER_STEP * steps)
         return samples
+
+    def _evaluate(self, method: str, *arguments: Any, **named: Any) -> Any:
+        return self._call(method, _run, method, *arguments, **named)
 
     @property
     def stderr_errors(self) -> list[str]:
@@ -206,6 +192,7 @@ class IsolatedEngine:
         return self._child.call(words, CALL_TIMEOUT + more, function, *arguments, **named)
 
 
+FileEngine = OtherProgram | IsolatedEngine  # an engine that has loaded a foreign file
 _idle: dict[tuple[str, int], ChildProcess] = {}  # key: engine name and process id; a forked process needs its own
 
 

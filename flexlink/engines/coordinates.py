@@ -45,7 +45,10 @@ class Coordinates:
         """Return the engine's coordinates."""
         if self.plain:
             return q
-        base = self._place(q)
+        base = np.zeros(0)
+        if self._own:
+            w, *xyz = quaternion_from_matrix(self._rotation(q))
+            base = self._sorted(q[:3], np.array([w, *xyz] if self._layout.scalar_first else [*xyz, w]))
         place = np.empty(len(q) - self._own + len(base))
         place[: len(base)] = base
         place[self.order[self._own :] + len(base) - self._own] = q[self._own :]
@@ -113,13 +116,6 @@ class Coordinates:
     def _rotation(self, q: Array) -> Array:
         assert self.reference is not None
         return product(self.reference, rotations_of(q[3:JOINTS]))
-
-    def _place(self, q: Array) -> Array:
-        """Return position and quaternion of the base."""
-        if not self._own:
-            return np.zeros(0)
-        w, *xyz = quaternion_from_matrix(self._rotation(q))
-        return self._sorted(q[:3], np.array([w, *xyz] if self._layout.scalar_first else [*xyz, w]))
 
     def _turn(self, q: Array) -> Array:
         """Return the block of T for a floating base, shape (6, 6)."""

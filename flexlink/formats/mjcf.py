@@ -177,7 +177,8 @@ def _bodies(world: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> N
         if not is_base:
             if body["turned"] or waiting or not heavy:
                 _exact(own, f"placement.{joints[body['first']]}", *place.p, *place.R.flat)
-            waiting = [hinge.seen_from(place) for hinge in waiting]
+            B = place.R.T  # into the axes of the next body
+            waiting = [_Hinge(each.k, product(B, each.axis), product(B, each.pos - place.p)) for each in waiting]
             waiting += [_Hinge(k, np.eye(3)[axes[k]]) for k in range(body["first"], body["stop"])]
         frame = frame.then(place)
         if heavy:
@@ -275,10 +276,6 @@ class _Hinge:
     k: int
     axis: Array
     pos: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
-
-    def seen_from(self, frame: Pose) -> _Hinge:
-        """Return the hinge in the axes of the next body."""
-        return _Hinge(self.k, product(frame.R.T, self.axis), product(frame.R.T, self.pos - frame.p))
 
     def write(self, body: ET.Element, name: str, hinge: np.void, coordinate: Coordinate) -> None:
         placed = {"axis": decimals(self.axis), "pos": decimals(self.pos)}

@@ -83,11 +83,6 @@ def guess_of(coordinates: Sequence[Coordinate]) -> Array:
     return np.array([one.x(one.start) for one in coordinates])
 
 
-def sought_in(problem: FitProblem) -> set[str]:
-    """Paths of all parameters of a problem."""
-    return {one.path for one in (*problem.parameter, *(one for run in problem.run for one in run.parameter))}
-
-
 def run_coordinates(problem: FitProblem, run: FitRun) -> list[Coordinate]:
     """Coordinates of the parameters of one run; those of its times come last."""
     scene = problem.scene.varied(run.set) if run.set else problem.scene

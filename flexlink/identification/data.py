@@ -21,7 +21,7 @@ from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.vibration.modal import modes
 from flexlink.dynamics.vibration.steady import first_elastic_frequency
 from flexlink.identification.block import Block
-from flexlink.identification.coordinates import Coordinate, shifted, sought_in, timings
+from flexlink.identification.coordinates import Coordinate, shifted, timings
 from flexlink.identification.frequency_response import Response, at_rest, measured_response, predicted, table_of
 from flexlink.identification.problem import FitFrf, FitModes, FitProblem, FitRun, FitStatic, Use, files_of
 from flexlink.motion.inputs.actuation import initial_wrench
@@ -107,7 +107,8 @@ def recorded(problem: FitProblem, run: FitRun) -> Source:
         of_fastest = min(every, key=lambda times: float(np.median(np.diff(times))), default=t)
         t = np.unique(np.concatenate([t[:1], of_fastest, t[-1:]]))
     rate, smooth, hertz = float((len(t) - 1) / (t[-1] - t[0])), exact(scene, problem.tolerance), slowest_mode(scene)
-    if not any(path.startswith("sensor") for path in sought_in(problem)):  # other sensors cost time in every run
+    sought = (*problem.parameter, *(one for each in problem.run for one in each.parameter))
+    if not any(one.path.startswith("sensor") for one in sought):  # other sensors cost time in every run
         names = {block.name for block in blocks}
         sensors = tuple(one for one in smooth.sensor if names & {*column_names((one,), scene.arm)})
         smooth = replace(smooth, sensor=sensors)

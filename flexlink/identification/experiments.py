@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 import msgspec
 
-from flexlink.common.errors import SceneError
-from flexlink.data.documents import errors_of, read_toml, require_path
+from flexlink.common.errors import SceneError, errors_at
+from flexlink.data.documents import read_toml, require_path
 from flexlink.describe import spec
 from flexlink.describe.spec import Deviation, Positive, Spec, Vector3
 
@@ -163,16 +163,11 @@ class Experiments(Spec, frozen=True):
         """
         path = require_path("path", path)
         raw = read_toml(path)
-        with errors_of(path):
+        with errors_at(f"{path}: "):
             kinds = {field.encode_name: field.type for field in spec.fields_of(cls)}
             spec.check_keys(raw, kinds, required=())
             spec.raise_together(wrong for key, value in raw.items() for wrong in spec.mistakes(value, kinds[key], key))
             return spec.decode(raw, cls)
-
-
-def built_in() -> Experiments:
-    """The experiments in `experiments.toml`, next to this file."""
-    return Experiments.load(Path(__file__).parent / "experiments.toml")
 
 
 def _check_pattern(key: str, pattern: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from typing import get_args
 
@@ -20,7 +21,7 @@ from flexlink.identification.data import sources_of
 from flexlink.identification.faults import mixups, warnings_of_faults
 from flexlink.identification.fitted import Estimate, Fitted
 from flexlink.identification.identifiability import Check, checked
-from flexlink.identification.interval import Rise, estimates, profiled, spread_at, widened, without_ends
+from flexlink.identification.interval import Rise, estimates, profiled, spread_at, widened
 from flexlink.identification.likelihood import in_two_steps, information_of, likelihood
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.remarks import mixed_up, notes, ranges_apart, warnings, with_reasons
@@ -155,7 +156,7 @@ def _fit(
     numbers = tuple(estimates(at, spread))
     errors = Systematic()
     if not after.passed:
-        numbers = tuple(map(without_ends, numbers))
+        numbers = tuple(dataclasses.replace(one, low=-np.inf, high=np.inf, deviation=np.inf) for one in numbers)
     else:
         of_scene, rise = numbers[: len(coordinates)], Rise(search, best, at)
         of_scene = tuple(profiled(rise, of_scene, report)) if profile else of_scene

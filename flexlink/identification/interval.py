@@ -125,11 +125,6 @@ def spread_at(at: Likelihood, loss: Loss = "linear") -> Spread:
     return spread_of(parts, at.priors, sum(len(one.a) - 1 for one in colours))
 
 
-def without_ends(one: Estimate) -> Estimate:
-    """Return the estimate with its interval replaced by an unbounded interval."""
-    return dataclasses.replace(one, low=-math.inf, high=math.inf, deviation=math.inf)
-
-
 def estimates(at: Likelihood, spread: Spread) -> list[Estimate]:
     """Estimates of all parameters: those of the scenes, then gains, biases and drifts."""
     found = []

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import SceneError, errors_at
 from flexlink.data import documents
 from flexlink.data.documents import paths_of
 from flexlink.describe.scene import Scene
@@ -321,7 +321,7 @@ class FitProblem(Spec, frozen=True):
         """
         path = documents.require_path("path", path)
         raw = documents.read_toml(path)
-        with documents.errors_of(path):
+        with errors_at(f"{path}: "):
             scene, types = scene_named(raw, path, cls, "a fit")
             for part in ("run", "modes", "static", "frf"):
                 if isinstance(raw.get(part), list):

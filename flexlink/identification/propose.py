@@ -23,7 +23,7 @@ from flexlink.identification.block import with_noise_of_data
 from flexlink.identification.candidates import Addition, Bench, Candidate
 from flexlink.identification.coordinates import Coordinate, coordinates_of, guess_of, run_coordinates
 from flexlink.identification.data import Source, recorded, sagged, sources_of, tapped
-from flexlink.identification.experiments import Experiments, built_in
+from flexlink.identification.experiments import Experiments
 from flexlink.identification.fitted import Fitted
 from flexlink.identification.identifiability import Direction
 from flexlink.identification.likelihood import Information, Likelihood, in_two_steps, information_of
@@ -95,7 +95,7 @@ def propose(problem: FitProblem | Fitted, experiments: str | Path | Experiments 
 
 
 def _given(experiments: str | Path | Experiments | None) -> Experiments:
-    base = built_in()
+    base = Experiments.load(Path(__file__).parent / "experiments.toml")
     if experiments is None:
         return base
     more = experiments if isinstance(experiments, Experiments) else Experiments.load(experiments)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flexlink.common.errors import FlexlinkError
+from flexlink.common.errors import FlexlinkError, or_error
 from flexlink.common.interruption import deferred
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
@@ -14,7 +14,7 @@ from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.data import Source
 from flexlink.motion.batch import outcomes
 from flexlink.motion.side_by_side import Block
-from flexlink.motion.slopes_of_runs import CENTRAL, FORWARD, Places, mirrored, moved, neighbours, or_error
+from flexlink.motion.slopes_of_runs import CENTRAL, FORWARD, Places, mirrored, moved, neighbours
 from flexlink.results.stop_reasons import InterruptedRunError
 from flexlink.results.trajectory import Trajectory
 

@@ -13,13 +13,11 @@ from flexlink.chain.arguments import refuse_call, require_callable, require_type
 from flexlink.common.errors import ArgumentError
 from flexlink.common.interruption import deferred
 from flexlink.common.memo import Kept, Memo
-from flexlink.common.types import Array
 from flexlink.data.documents import is_user_file
 from flexlink.describe.run_settings import Accuracy, ForwardSolver, Unstable, check_method
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import key_mistakes
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
-from flexlink.kernels.inputs.record import Drive
 from flexlink.motion.budget import warn
 from flexlink.motion.inputs.problem import problem_of, started, started_from
 from flexlink.motion.single_run import SingleRun, prepared_run
@@ -237,8 +235,12 @@ class Problem:
         except IndexError:  # in use by another thread
             problem, kept = problem_of(self.scene, self.chain, tied=True), Kept()
         try:
-            if before is not None:
-                self._check_stored(before, problem.inputs.drive)
+            drive = problem.inputs.drive
+            stored = drive.held.shape[1] if drive.rate else len(self.chain.active)
+            if before is not None and before.shape[1] != 1 + stored:
+                counts = f"{before.shape[1] - 1} numbers at each instant (torques, then its memory), this one {stored}"
+                text = f"after: the drive of that run stores {counts}; start from its state: q0, qd0 and t0"
+                raise ArgumentError(text, id="wrong-shape")
             begun = problem if scene is self.scene else started(problem, scene)
             motion = continued(after, scene)
             if control is None and rate is None and not delay:
@@ -250,13 +252,6 @@ class Problem:
                 yield SingleRun(begun, control_of(begun, control, rate, delay, before), before, motion=motion)
         finally:
             self._idle.append((problem, kept if self.scene.run.samples * self.chain.n < MANY else Kept()))
-
-    def _check_stored(self, before: Array, drive: Drive) -> None:
-        stored = drive.held.shape[1] if drive.rate else len(self.chain.active)
-        if before.shape[1] != 1 + stored:
-            counts = f"{before.shape[1] - 1} numbers at each instant (torques, then its memory), this one {stored}"
-            text = f"after: the drive of that run stores {counts}; start from its state: q0, qd0 and t0"
-            raise ArgumentError(text, id="wrong-shape")
 
 
 def continued(after: Trajectory | None, scene: Scene) -> StatedError | None:
@@ -288,12 +283,8 @@ def problem_with(scene: Scene, settings: dict[str, object]) -> Problem:
     if not all(isinstance(value, str | int | float) for value in settings.values()):
         return prepared()
     key = tuple((name, type(value), value) for name, value in settings.items())
-    may_change = names_files(scene) or is_user_file(settings.get("run.method"))
-    return prepared() if may_change else PROBLEMS(scene, key, prepared)
-
-
-def names_files(scene: Scene) -> bool:
-    """Whether a scene refers to a user's file for its method, a lumping rule or a shaper."""
     reference = scene.drive.reference
     shaper = reference.shaper.kind if reference is not None and reference.shaper is not None else ""
-    return any(map(is_user_file, (scene.run.method, shaper, *(link.lumping for link in scene.arm.links))))
+    named = (scene.run.method, settings.get("run.method"), shaper, *(link.lumping for link in scene.arm.links))
+    may_change = any(map(is_user_file, named))  # a user's file of a method, a shaper or a lumping rule
+    return prepared() if may_change else PROBLEMS(scene, key, prepared)

@@ -15,12 +15,12 @@ import math
 import operator
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 from msgspec.structs import replace
 
-from flexlink.common.errors import ArgumentError, FlexlinkError, SceneError
+from flexlink.common.errors import ArgumentError, FlexlinkError, SceneError, or_error
 from flexlink.common.interruption import deferred
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
@@ -101,14 +101,6 @@ def neighbours(
         failed = next((value for value in values if isinstance(value, FlexlinkError)), None)
         found.append(Neighbours(places, float(steps[k]), good) if failed is None else failed)
     return middle, found
-
-
-def or_error(function: Callable[..., Any], *arguments: object) -> Any:
-    """What a function returns, or the error that it raises."""
-    try:
-        return function(*arguments)
-    except FlexlinkError as error:
-        return error
 
 
 def moved(x: Array, k: int, by: float) -> Array:

@@ -41,7 +41,7 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     chain, arrays, n, s = record.chain, record.chain.arrays, record.chain.n, method.stages
     posture = posture_of(chain)
     numbers, new, width = np.zeros(STEPPER.size), np.zeros((3, n)), factor_columns(posture)
-    numbers[STEPPER.inverse_ω1], numbers[STEPPER.rounding] = 1.0 / slowest, rounding.of_position(chain)
+    numbers[STEPPER.inverse_ω1], numbers[STEPPER.rounding] = 1.0 / slowest, rounding.of_reach(chain.size)
     numbers[STEPPER.max_iterations] = FEW_PASSES if record.run.controlled else of_fixed_step
     numbers[STEPPER.far] = FAR if chain.has_free_base else 0.0
     gains = own_gains(record)

@@ -36,7 +36,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Vector3
 from flexlink.dynamics.vibration.modal import natural_frequencies
 from flexlink.robots.assembly import assembled
-from flexlink.robots.flexible import FlexibleLink, ImportedLink, payload, rounded_down, slender_mass
+from flexlink.robots.flexible import FlexibleLink, payload, rounded_down, slender_mass
 from flexlink.robots.kinematic_tree import Closure, Mimic, Robot, TreeJoint, finite
 from flexlink.robots.paths import Part, Paths, along, folded, paths
 from flexlink.robots.robot_file import acts, read_robot
@@ -164,18 +164,14 @@ def import_urdf(
     lent = [f"{part.link}: has no <inertial>; its mass is that of {short_list(part.folded)}: check it" for part in bare]
     doubts = [*robot.doubts, *(Diagnostic(text, "no-mass") for text in lent), *(p.warning for p in parts if p.warning)]
     warnings = [*doubts, *odd, *(note for note in following if note not in carried), *_offers(robot, way, armature)]
-    ties = [*_followers(way, parts), *(tie for tie, _ in loops if tie is not None)]
-    scene = scene.varied({"tie": ties}) if ties else scene
-    return ImportResult(scene, way, largest, tuple(notes), tuple(warnings))
-
-
-def _followers(way: Paths, parts: Sequence[ImportedLink]) -> list[dict[str, Any]]:
-    """A tie for each joint that follows another."""
-    links = {part.joint.name: one.link.name for part, one in zip(way.parts, parts, strict=True)}
-    return [
-        {"name": name, "kind": "joint", "link": links[name], "to": {"link": links[by.leader]}, "ratio": by.multiplier}
+    names = {part.joint.name: one.link.name for part, one in zip(way.parts, parts, strict=True)}
+    ties = [
+        {"name": name, "kind": "joint", "link": names[name], "to": {"link": names[by.leader]}, "ratio": by.multiplier}
         for name, by in way.followers.items()
     ]
+    ties += [tie for tie, _ in loops if tie is not None]
+    scene = scene.varied({"tie": ties}) if ties else scene
+    return ImportResult(scene, way, largest, tuple(notes), tuple(warnings))
 
 
 def _check_links(way: Paths, flexible: Mapping[str, FlexibleLink]) -> None:

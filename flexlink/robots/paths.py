@@ -1,8 +1,6 @@
 """Paths through a robot from a link to its tips; everything else is rigidly attached to these paths or to the base."""
 
 import dataclasses
-import functools
-from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
@@ -46,17 +44,13 @@ class Paths:
     free_base: tuple[Pose, SpatialInertia, tuple[str, ...]] | None = None
     followers: Mapping[str, Mimic] = dataclasses.field(default_factory=dict)  # joints of parts that follow another part
 
-    @functools.cached_property
-    def _parents(self) -> Counter[int]:
-        return Counter(part.parent for part in self.parts)
-
     def tips_on(self, number: int) -> list[tuple[int, Tip]]:
         """Return the tips of a part, by its number from 1, each with the tip's number from 0."""
         return [(k, tip) for k, tip in enumerate(self.tips) if tip.part == number]
 
     def bears(self, number: int) -> int:
         """Number of parts and tips attached to a part."""
-        return self._parents[number] + len(self.tips_on(number))
+        return sum(part.parent == number for part in self.parts) + len(self.tips_on(number))
 
     def beyond(self) -> list[Pose]:
         """For each part, return the frame of the next joint or, if there is none, of the tip; a beam ends there.

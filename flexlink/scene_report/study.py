@@ -8,7 +8,7 @@ from typing import Any
 from flexlink.advice.model_runner import ModelRunner
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump, open_chain
-from flexlink.common.errors import FlexlinkError
+from flexlink.common.errors import FlexlinkError, or_error
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics import rounding
@@ -75,7 +75,7 @@ class Study:
     @cached_property
     def moves(self) -> bool:
         """Whether the tip moves by more than a million times the rounding error of its position."""
-        return self.travel > 1e6 * rounding.of_position(self.chain)
+        return self.travel > 1e6 * rounding.of_reach(self.chain.size)
 
     @cached_property
     def bent_by(self) -> Array:
@@ -85,10 +85,9 @@ class Study:
     @cached_property
     def attempt(self) -> Trajectory | FlexlinkError:
         """The scene's run, which follows the vibrations in loads and torques, or the error that prevented it."""
-        try:
-            return simulate(self.scene.varied({"run.outputs": ("loads", "torques")}))
-        except FlexlinkError as error:
-            return error
+        followed = {"run.outputs": ("loads", "torques")}
+        found: Trajectory | FlexlinkError = or_error(lambda: simulate(self.scene.varied(followed)))
+        return found
 
     @cached_property
     def rest(self) -> Equilibrium:

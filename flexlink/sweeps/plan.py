@@ -14,7 +14,7 @@ from typing import Any
 
 import msgspec
 
-from flexlink.common.errors import ArgumentError, FlexlinkError, SceneError
+from flexlink.common.errors import ArgumentError, FlexlinkError, SceneError, errors_at
 from flexlink.common.versions import __version__
 from flexlink.common.wording import did_you_mean, truncated
 from flexlink.data import documents
@@ -110,7 +110,7 @@ class Sweep(Spec, frozen=True):
         """
         path = documents.require_path("path", path)
         raw = documents.read_toml(path)
-        with documents.errors_of(path):
+        with errors_at(f"{path}: "):
             scene, types = scene_named(raw, path, cls, "a sweep plan")
             for table, leaf in (("set", ()), ("grid", ("between",)), ("together", ("between",))):
                 if isinstance(raw.get(table), dict):

@@ -118,7 +118,7 @@ def _stated(name: str, total: Summary, quantiles: Sequence[float], keys: Sequenc
     shape = (math.copysign(_root(μ3**2 / μ2**3), μ3), float(μ4 / μ2**2) - 3.0) if μ2 else (None, None)
     ends = -total.largest[name, -1], total.largest[name, 1]
     moments = float(m), _root(μ2 * n / (n - 1)), *shape
-    indices = [_index(_by_class(name, key, sums), m, μ2 * n, n) for key in keys]
+    indices = [_index(name, key, sums, m, μ2 * n) for key in keys]
     return (name, *counts, *moments, *ends, *_quantiles(name, sums, quantiles, n), *indices)
 
 
@@ -128,14 +128,10 @@ def _root(x: Fraction) -> float:
     return float(Fraction(math.isqrt((x.numerator << 2 * k) // x.denominator), 1 << k))
 
 
-def _by_class(name: str, key: str, sums: Counter[tuple[Any, ...]]) -> list[list[int]]:
-    """Σ yᵖ, p = 0, 1, 2, of each class of a key, times 2^(p DIGITS)."""
-    return [[sums[name, key, c, p] for p in range(3)] for c in range(CLASSES) if sums[name, key, c, 0]]
-
-
-def _index(classes: list[list[int]], m: Fraction, scatter: Fraction, n: int) -> float | None:
+def _index(name: str, key: str, sums: Counter[tuple[Any, ...]], m: Fraction, scatter: Fraction) -> float | None:
     """Sobol's first-order index of a key from Σ yᵖ of its classes, the mean m and Σ (y − m)² of all n members."""
-    C = len(classes)
+    classes = [[sums[name, key, c, p] for p in range(3)] for c in range(CLASSES) if sums[name, key, c, 0]]
+    C, n = len(classes), sums[name, 0]
     if not scatter or n <= C:
         return None
     between = sum(count * (Fraction(s, count << DIGITS) - m) ** 2 for count, s, _ in classes)

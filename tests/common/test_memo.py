@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flexlink as fl
-from flexlink.common.memo import Memo
+from flexlink.common.memo import Memo, keep_last
 from flexlink.motion.inputs.feedforward import holding_torque
 from flexlink.motion.inputs.references import reference_arrays
 from tests.conftest import flexible, make_scene
@@ -34,19 +34,20 @@ def test_a_result_is_computed_once_per_object_and_key() -> None:
 
 def test_a_key_of_contents_depends_on_all_arguments() -> None:
     """Arguments of another value, type, shape or position give another key; a copy of an array gives the same key."""
-    memo, one, calls, zeros, ones = Memo(64), Unhashable(), [], np.zeros(2), np.ones(2)
+    one, calls, zeros, ones = Unhashable(), [], np.zeros(2), np.ones(2)
     given = [
         (zeros, ones), (zeros, ones + 1.0), (ones, zeros), (zeros, np.ones((2, 1))), (zeros, np.ones(2, np.int64)),
         ((zeros, ones),), ((zeros,), (ones,)), (zeros, 1), (zeros, 1.0), (zeros, "1"),
     ]  # fmt: skip
 
+    @keep_last(64)
     def find(*given: object) -> int:
         calls.append(given)
         return len(calls)
 
     for _ in range(2):
-        assert [memo.calling(find, one, *copy.deepcopy(each)) for each in given] == list(range(1, len(given) + 1))
-    assert memo.calling(lambda *_: 0, one, zeros, ones) == 0  # another function has other results
+        assert [find(one, *copy.deepcopy(each)) for each in given] == list(range(1, len(given) + 1))
+    assert keep_last(64)(lambda *_: 0)(one, zeros, ones) == 0  # another function has other results
 
 
 def test_holding_torques_of_references_with_equal_times_are_stored_separately() -> None:

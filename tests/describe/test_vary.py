@@ -225,6 +225,8 @@ def test_changes_are_a_dict_of_values_by_path(paper: fl.Scene) -> None:
         paper.varied(["run.step"])  # type: ignore[arg-type]
     with refused(fl.errors.ArgumentError, "path-form"):
         paper.varied({3: 4})  # type: ignore[dict-item]
+    with refused(fl.errors.ArgumentError, "path-form"):  # a wrong argument is no mistake in the file
+        fl.load_scene(PAPER, changes={3: 4})  # type: ignore[dict-item]
 
 
 def test_simulate_s_keywords_are_changes_of_the_run(paper: fl.Scene) -> None:

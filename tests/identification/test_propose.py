@@ -13,7 +13,7 @@ from flexlink.cli.main import main
 from flexlink.common.errors import SceneError
 from flexlink.describe.writing import without_defaults
 from flexlink.fits import Experiments, FitParameter, FitProblem, FitRun, Proposals, propose
-from flexlink.identification.experiments import PriorExperiment, built_in
+from flexlink.identification.experiments import PriorExperiment
 from tests.conftest import ROOT
 from tests.support.experiments_made import followed, recorded, sagged, tapped, together
 from tests.support.fits import CLAMPED, problem, write_csv
@@ -200,7 +200,8 @@ def test_the_command_prints_the_ranking_and_reads_instruments(tmp_path, capsys) 
 
 
 def test_experiments_are_checked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert len(built_in().column) > 5
+    built_in = ROOT / "flexlink" / "identification" / "experiments.toml"
+    assert len(Experiments.load(built_in).column) > 5
     assert main(["fit", str(ROOT / "models/fits/tapped.toml"), "--experiments", "mine.toml"]) == 2
     reviewed("no-effect", capsys.readouterr().err.strip())
     with refused(SceneError, "wrong-value"):

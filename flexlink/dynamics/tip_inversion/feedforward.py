@@ -19,7 +19,7 @@ from scipy.linalg.lapack import dgbtrf, dgbtrs
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ConvergenceError, FlexlinkError, SceneError
-from flexlink.common.types import Array, Complex, Indices
+from flexlink.common.types import Array, Complex
 from flexlink.common.wording import plural
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import forward_dynamics
@@ -53,7 +53,8 @@ class InverseMotion(NamedTuple):
 
 def inverse_motion(chain: Chain, path: TipPath) -> InverseMotion:
     """Find the bounded motion whose tip follows a path, from the postures at rest."""
-    aims, springs, q = aims_of(chain, path.postures), springs_of(chain), path.postures.copy()
+    aims, springs = aims_of(chain, path.postures), np.setdiff1d(np.arange(chain.n), chain.active)
+    q = path.postures.copy()
     span, change, factors = float(np.ptp(q, axis=0).max()), np.inf, None
     best = InverseMotion(q, q, q, q, np.inf)
     for _ in range(60):
@@ -128,11 +129,6 @@ def slopes_of(chain: Chain, q: Array, qd: Array, torque: Array, wrench: Array) -
     return M, -M @ by.dqd, -M @ by.dq
 
 
-def springs_of(chain: Chain) -> Indices:
-    """Sequential indices of the coordinates that are not driven."""
-    return np.setdiff1d(np.arange(chain.n), chain.active)
-
-
 def aims_of(chain: Chain, postures: Array) -> Array:
     """J_a⁺ (b, d, 3): changes of the driven joints per displacement of the tip, at these postures (b, n)."""
     return np.asarray(np.linalg.pinv(jacobian(chain, postures).linear[:, :, chain.active]))
@@ -140,7 +136,8 @@ def aims_of(chain: Chain, postures: Array) -> Array:
 
 def transmission_zeros(chain: Chain, q: Array, wrench: Array) -> tuple[Complex, Complex]:
     """Zeros of an arm at rest in a posture (n,), the slowest first, and those of the arm without damping [1/s]."""
-    driven, springs, zero = chain.active, springs_of(chain), np.zeros(chain.n)
+    driven, zero = chain.active, np.zeros(chain.n)
+    springs = np.setdiff1d(np.arange(chain.n), driven)
     torque = required_torque(chain, q, zero, zero, wrench)
     R = (aims_of(chain, q[None])[0] @ jacobian(chain, q).linear)[:, springs]
     E, F, G = (

@@ -182,7 +182,12 @@ def _model(
         model = _by_motions(model, tied.Z, np.eye(len(tied.Z))[tied.kept], np.zeros(len(tied.Z)))
         names = np.array(state_names(chain)).reshape(2, -1)[:, tied.kept]
         model = dataclasses.replace(model, states=(*names.ravel().tolist(), *states))
-    return _without(model, unused) if len(unused) else model
+    if not len(unused):
+        return model
+    kept = np.delete(np.arange(len(model.x)), unused)  # angles of internal coordinates have no effect
+    parts = {name: getattr(model, name)[kept] for name in ("B", "x", "rate")}
+    parts |= {"A": model.A[np.ix_(kept, kept)], "C": model.C[:, kept]}
+    return dataclasses.replace(model, states=tuple(model.states[k] for k in kept), **parts)
 
 
 def _by_motions(model: LinearModel, Φ: Array, back: Array, θ: Array) -> LinearModel:
@@ -197,14 +202,6 @@ def _by_motions(model: LinearModel, Φ: Array, back: Array, θ: Array) -> Linear
 
 
 TIP_FORCE = tuple(f"tip force {axis} [N]" for axis in "xyz")  # names of the inputs for a force on the tip
-
-
-def _without(model: LinearModel, angles: NDArray[np.intp]) -> LinearModel:
-    """Return the model without the angles of internal coordinates, which have no effect."""
-    kept = np.delete(np.arange(len(model.x)), angles)
-    states = tuple(model.states[k] for k in kept)
-    parts = {name: getattr(model, name)[kept] for name in ("B", "x", "rate")}
-    return dataclasses.replace(model, A=model.A[np.ix_(kept, kept)], C=model.C[:, kept], states=states, **parts)
 
 
 def _put_outputs(

@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import SceneError
-from flexlink.common.memo import Memo
+from flexlink.common.errors import SceneError, errors_at
+from flexlink.common.memo import Memo, keep_last
 from flexlink.common.types import Array
 from flexlink.describe.joint import refuse_beyond
 from flexlink.describe.reference import smooth_pieces
@@ -44,10 +44,8 @@ def _tip_arrays(scene: Scene, chain: Chain) -> tuple[ReferenceTrajectory, Array,
     parts = [part[:, chain.active] for part in from_rest_to_rest(found)]
     joints = resting(found.times, smooth_pieces(found.times, parts), parts[0][-1])
     driven = [scene.arm.links[chain.coordinate(int(k)).link - 1] for k in chain.active]
-    try:
+    with errors_at("drive.reference: with follows = 'tip', "):
         refuse_beyond(joints, [(link.name, link.joint) for link in driven])
-    except SceneError as error:
-        raise SceneError(f"drive.reference: with follows = 'tip', {error}") from None
     return joints, found.times, acting_torques(scene, found)
 
 
@@ -105,12 +103,10 @@ def holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolyno
 
     Each polynomial passes through six equilibria, with the errors of `static_postures`; large rotations need more.
     """
-    return PiecewisePolynomial(*(part.copy() for part in TORQUES.calling(_holding_torque, chain, target)))
+    return PiecewisePolynomial(*(part.copy() for part in _holding_torque(chain, target)))
 
 
-TORQUES = Memo(16)  # cache of holding torques by chain and reference, as each requires hundreds of equilibria
-
-
+@keep_last(16)  # each requires hundreds of equilibria
 def _holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
     course = ReferenceTrajectory(*target)
     knots = _divided(*target)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flexlink.common.errors import Diagnostic, FlexlinkError, UnstableStepError
+from flexlink.common.errors import Diagnostic, FlexlinkError, UnstableStepError, or_error
 from flexlink.describe.numbers import is_whole
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
@@ -18,15 +18,8 @@ from flexlink.motion.inputs.actuation import acting_at
 
 def check_steps(problems: Sequence[InitialValueProblem]) -> list[tuple[Diagnostic, ...] | FlexlinkError]:
     """Warnings or the error from `check_step` for every problem; bounds computed for all at once decide most cases."""
-    within = _within_bounds(problems)
-    return [() if known else _checked(problem) for problem, known in zip(problems, within, strict=True)]
-
-
-def _checked(problem: InitialValueProblem) -> tuple[Diagnostic, ...] | FlexlinkError:
-    try:
-        return _check_by_eigenvalues(problem)
-    except FlexlinkError as error:
-        return error
+    pairs = zip(problems, _within_bounds(problems), strict=True)
+    return [() if known else or_error(_check_by_eigenvalues, problem) for problem, known in pairs]
 
 
 def _within_bounds(problems: Sequence[InitialValueProblem]) -> list[bool]:
