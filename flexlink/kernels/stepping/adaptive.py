@@ -72,9 +72,8 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
     for _ in range(most):
         t = stepper[STEPPER.time]
         knot = next_knot(t, stepper[STEPPER.step], knots, count)
-        end = knots[0][knot]
-        switch = t < stepper[STEPPER.switch] < end  # the step ends at the switch, as at a knot
-        end = stepper[STEPPER.switch] if switch else end
+        switch = t < stepper[STEPPER.switch] < knots[0][knot]  # the step ends at the switch, as at a knot
+        end = stepper[STEPPER.switch] if switch else knots[0][knot]
         ends = t + NEARLY * stepper[STEPPER.step] >= end
         h = end - t if ends else stepper[STEPPER.step]
         long_error = absolute + part * stepper[STEPPER.deflection]
