@@ -71,7 +71,7 @@ def group_page(title: str, _: Path) -> str:
 def texts() -> dict[str, set[str]]:
     """Texts of errors, warnings and notes in the source, by id, with … for every value."""
     found: dict[str, set[str]] = {}
-    for path in sorted(LIBRARY.rglob("*.py")):
+    for path in sorted([*LIBRARY.rglob("*.py"), *(LIBRARY.parent / "flexlink_witnesses").glob("*.py")]):
         tree = _Said().visit(ast.parse(path.read_text(encoding="utf-8")))
         for name, text in _identified(ast.walk(tree)):
             if not name:

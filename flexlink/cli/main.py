@@ -247,6 +247,7 @@ def _add_arguments(command: argparse.ArgumentParser, name: str, words: Mapping[s
         command.add_argument(argument, **about)
 
 
+@functools.cache
 def _known_commands() -> dict[str, tuple[str, list[str]]]:
     """Help text and examples by name, from a file that needs no parser: help comes at once."""
     blocks = Path(__file__).with_name("commands.txt").read_text(encoding="utf-8").strip().split("\n\n")

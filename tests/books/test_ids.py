@@ -61,7 +61,7 @@ def test_warnings_of_a_run_keep_their_ids_in_a_pickle_and_in_an_archive_unless_i
 def raised_without_id() -> list[str]:
     """Find errors raised with a new text and without an id, outside handlers that would pass an id on."""
     found = []
-    for path in SOURCES.rglob("*.py"):
+    for path in [*SOURCES.rglob("*.py"), *(SOURCES.parent / "flexlink_witnesses").glob("*.py")]:
         tree = ast.parse(path.read_text(encoding="utf-8"))
         handled = {inner for node in ast.walk(tree) if isinstance(node, ast.ExceptHandler) for inner in ast.walk(node)}
         for node in ast.walk(tree):
@@ -73,7 +73,7 @@ def raised_without_id() -> list[str]:
             if isinstance(text, ast.Call):  # raised with the result of a function that returns a Diagnostic
                 continue
             if not any(given.arg == "id" for given in call.keywords):
-                found.append(f"{path.relative_to(SOURCES)}:{node.lineno}")
+                found.append(f"{path.relative_to(SOURCES.parent)}:{node.lineno}")
     return found
 
 

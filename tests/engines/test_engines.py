@@ -344,7 +344,7 @@ def test_the_error_of_a_missing_engine_names_what_to_install(name: str, monkeypa
     for module in [known for known in sys.modules if known.startswith(f"{package}.")]:  # from earlier tests
         monkeypatch.delitem(sys.modules, module)
     monkeypatch.setitem(sys.modules, package, None)
-    monkeypatch.delitem(sys.modules, f"flexlink.engines.{name}", raising=False)
+    monkeypatch.delitem(sys.modules, ENGINES[name].module, raising=False)
     with refused(MissingDependencyError, "package-missing"):
         load_here(name, fl.lump(make_scene(flexible("arm"))))
 
