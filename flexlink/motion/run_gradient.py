@@ -62,7 +62,7 @@ def run_gradient(run: Trajectory, dq: ArrayLike | None = None, dqd: ArrayLike | 
 
     It is the gradient of the steps themselves, by the adjoint of each step from the last to the first: exact up to
     rounding, and of implicit steps up to the residual of their iteration, 1e-13 of the arm's size. That takes one to
-    four times as long as the run, whatever the number of torques. For other parameters or runs, see `sensitivities`.
+    five times as long as the run, whatever the number of torques. For other parameters or runs, see `sensitivities`.
 
     Parameters
     ----------
