@@ -46,7 +46,8 @@ class Advice:
         panel = figure.axes[0] if ax is None else np.ravel(ax)[0]
         if self.converged_tip is not None:
             panel.plot(run.t, self.converged_tip.tip, "k:")
-        panel.set_title(repr(self))
+        if ax is None:
+            figure.suptitle(repr(self))
         return figure
 
     def _repr_html_(self) -> str:

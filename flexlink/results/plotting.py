@@ -57,7 +57,8 @@ def axes_of(
     """The user's axes, which must be `count`, or panels of a new figure of this size [in], and their figure."""
     if ax is None:
         figure = NotebookFigure(figsize=size, layout="constrained")
-        figure.suptitle(title)
+        widest = max(map(len, title.split("\n")))
+        figure.suptitle(title, fontsize="small" if widest > 60 else "large", parse_math=False)
         return figure, list(figure.subplots(-(-count // columns), columns, squeeze=False, **grid).flat)
     axes = list(np.ravel(ax))
     if len(axes) != count:
@@ -237,7 +238,7 @@ def _curves(panel: Axes, run: RunSamples, joints: list[int], values: Array, labe
 
 def plot_bode(hertz: Array, L: Complex, title: str, ax: Given = None) -> NotebookFigure:
     """Magnitude and phase of a loop broken at one input."""
-    figure, (size, phase) = axes_of(ax, 2, (7.0, 5.6), "", sharex=True)
+    figure, (size, phase) = axes_of(ax, 2, (7.0, 5.6), f"loop broken at {title}", sharex=True)
     size.loglog(hertz, np.abs(L), color=BLUE)
     size.axhline(1.0, color=GREY, linewidth=0.8)
     size.set_ylabel("|L|")
@@ -245,7 +246,6 @@ def plot_bode(hertz: Array, L: Complex, title: str, ax: Given = None) -> Noteboo
     phase.axhline(-180.0, color=GREY, linewidth=0.8)
     phase.set_ylabel("phase [deg]")
     phase.set_xlabel("frequency [Hz]")
-    size.set_title(f"loop broken at {title}", parse_math=False)  # numbers on log axes are mathematics
     for panel in (size, phase):
         panel.grid(alpha=0.3)
     return figure
@@ -254,8 +254,8 @@ def plot_bode(hertz: Array, L: Complex, title: str, ax: Given = None) -> Noteboo
 @literal
 def plot_nyquist(hertz: Array, L: Complex, title: str, ax: Given = None) -> NotebookFigure:
     """The loop in the complex plane near −1; `hertz` is not drawn."""
-    figure, (panel,) = axes_of(ax, 1, (6.0, 6.0), "")
-    panel.set_title(f"loop broken at {title}, {hertz[0]:.3g} … {hertz[-1]:.3g} Hz")
+    shown = f"loop broken at {title}, {hertz[0]:.3g} … {hertz[-1]:.3g} Hz"
+    figure, (panel,) = axes_of(ax, 1, (6.0, 6.0), shown)
     panel.plot(L.real, L.imag, color=BLUE, label="L")
     panel.plot(L.real, -L.imag, color=BLUE, linewidth=0.8, linestyle="--", label="negative frequencies")
     panel.plot(-1.0, 0.0, "+", color=VERMILION, markersize=12, label="−1")
@@ -271,8 +271,7 @@ def plot_poles(
     poles: Sequence[Sequence[complex]], *, sampled: bool, title: str, values: Sequence[float] = (), ax: Given = None
 ) -> NotebookFigure:
     """Poles z inside or outside the unit circle, or s left or right of the axis; a root locus if there are `values`."""
-    figure, (panel,) = axes_of(ax, 1, (6.6, 6.0), "")
-    panel.set_title("poles of the closed loop" if values else title, fontsize="small")
+    figure, (panel,) = axes_of(ax, 1, (6.6, 6.0), "poles of the closed loop" if values else title)
     own = values or [float(k) for k in range(len(poles))]
     z = np.concatenate([np.asarray(each, complex) for each in poles])
     colour = np.concatenate([np.full(len(each), value) for each, value in zip(poles, own, strict=True)])
