@@ -58,7 +58,8 @@ def axes_of(
     if ax is None:
         figure = NotebookFigure(figsize=size, layout="constrained")
         widest = max(map(len, title.split("\n")))
-        figure.suptitle(title, fontsize="small" if widest > 60 else "large", parse_math=False)
+        if title:
+            figure.suptitle(title, fontsize="small" if widest > 60 else "large", parse_math=False)
         return figure, list(figure.subplots(-(-count // columns), columns, squeeze=False, **grid).flat)
     axes = list(np.ravel(ax))
     if len(axes) != count:

@@ -27,9 +27,10 @@ def signals_of(model: Model, scene: Scene | None) -> tuple[dict[str, Real], list
     if not chain.same_layout(lump(open_chain(scene))):
         raise ArgumentError("scene: is not that of the chain; give the scene that was lumped", id="chains-differ")
     q, qd, tau, _ = state_of(chain, model.x, model.u)
-    placed = on_tape(forward_kinematics)(model.arrays, q)
-    R, p, axes, qdd = (part[:, None] for part in (*placed, all_motions(chain) @ np.array(held, object)))
-    moving = motion_of_bodies(chain, R, p, axes, qd[:, None], qdd)  # of one state
+    if any(sensor.sees_points for sensor in scene.sensor):  # other signals need no operations of bodies
+        placed = on_tape(forward_kinematics)(model.arrays, q)
+        R, p, axes, qdd = (part[:, None] for part in (*placed, all_motions(chain) @ np.array(held, object)))
+        moving = motion_of_bodies(chain, R, p, axes, qd[:, None], qdd)  # of one state
     for sensor in scene.sensor:
         if sensor.sees_points:
             body, point, directions = placement_of(sensor, scene)
