@@ -246,14 +246,17 @@ def imported(name: str, needs: str, extra: str) -> ModuleType:
 
 
 @contextlib.contextmanager
-def errors_at(place: str, *others: type[FlexlinkError]) -> Iterator[None]:
-    """Let errors of a description begin with its place in a scene or file; `others` become errors of the scene."""
+def errors_at(place: str, *others: type[FlexlinkError], file: str = "") -> Iterator[None]:
+    """Let errors of a description begin with its place in a scene or file; `others` become errors of the scene.
+
+    A `file` that the place names is not repeated.
+    """
     described: tuple[type[FlexlinkError], ...] = (SceneError, DataFileError, *others)
     try:
         yield
     except described as error:
         kind = DataFileError if isinstance(error, DataFileError) else SceneError
-        raise kind(f"{place}{error}") from None
+        raise kind(f"{place}{str(error).removeprefix(f'{file}: ')}") from None
 
 
 def or_error(function: Callable[..., Any], *arguments: object) -> Any:

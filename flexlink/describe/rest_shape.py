@@ -19,7 +19,7 @@ from typing import Annotated, NamedTuple
 import msgspec
 import numpy as np
 
-from flexlink.common.errors import DataFileError, SceneError
+from flexlink.common.errors import SceneError, errors_at
 from flexlink.common.types import Array
 from flexlink.common.wording import both_given
 from flexlink.data.csv_table import read_csv
@@ -97,11 +97,9 @@ class RestCurvature(_Table, frozen=True):
             raise both_given(given[0], getattr(self, given[0]), given[1])
         points = np.array(self.points)
         if self.file is not None:
-            try:
+            with errors_at(f"file = {self.file!r}: ", file=self.file):
                 table = read_csv(Path(self.file))
                 points = np.column_stack([table.column(axis, "m") for axis in "xyz"])
-            except DataFileError as error:
-                raise DataFileError(f"file = {self.file!r}: {str(error).removeprefix(f'{self.file}: ')}") from None
         found = curvature_through(points)
         for name, column in zip(("x", "y", "z", "points", "file"), (*found, (), None), strict=True):
             msgspec.structs.force_setattr(self, name, column)

@@ -10,7 +10,7 @@ from typing import Annotated, Any, NamedTuple, cast
 import msgspec
 import numpy as np
 
-from flexlink.common.errors import DataFileError, SceneError
+from flexlink.common.errors import DataFileError, SceneError, errors_at
 from flexlink.common.types import Array
 from flexlink.common.wording import both_given
 from flexlink.data.csv_table import head_of, read_csv
@@ -185,11 +185,9 @@ class Rigidity(Spec, frozen=True):
         for name in ("x", *COLUMNS, "stiffness", "mass", "relative"):
             if getattr(self, name):
                 raise both_given("file", file, name)
-        try:
+        with errors_at(f"file = {file!r}: ", file=file):
             for name, column in (_blade(Path(file), self.loss_time) or _columns(Path(file))).items():
                 msgspec.structs.force_setattr(self, name, column)
-        except (DataFileError, SceneError) as error:
-            raise type(error)(f"file = {file!r}: {str(error).removeprefix(f'{file}: ')}") from None
         msgspec.structs.force_setattr(self, "file", None)
 
     def lacks(self, flex: str) -> Iterator[str]:
