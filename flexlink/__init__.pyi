@@ -45,6 +45,7 @@ from flexlink.dynamics.placement import frames as frames
 from flexlink.dynamics.placement import jacobian as jacobian
 from flexlink.dynamics.placement import tip_position as tip_position
 from flexlink.dynamics.point_motion import point_motion as point_motion
+from flexlink.dynamics.quick_calls import Dynamics as Dynamics
 from flexlink.dynamics.terms import bias_torque as bias_torque
 from flexlink.dynamics.terms import elastic_torque as elastic_torque
 from flexlink.dynamics.terms import friction_torque as friction_torque

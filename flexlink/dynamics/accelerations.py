@@ -82,7 +82,7 @@ def forward_dynamics(
     usual = type(solver) is str and solver == "articulated"
     if usual and type(chain) is Chain and tip_wrench is None and type(frame) is str and frame == "world":
         qdd = np.empty(chain.n)
-        if accelerations(chain)(NO_WRENCH, q, qd, tau, qdd) and not base_without_rates(chain, q):
+        if accelerations(chain)(NO_WRENCH, q, qd, tau, qdd):
             return qdd
     if not isinstance(chain, Chain) or is_batch(q, qd, tau):
         return _forward_dynamics_of_many(chain, solver, tip_wrench, frame, q, qd, tau)
@@ -100,8 +100,16 @@ def forward_dynamics(
 
 @bound
 def accelerations(chain: Chain, solver: str = "articulated") -> Bound:
-    """Forward dynamics of a chain by a solver, a function of (wrench, q, qd, tau, qdd)."""
-    return solver_for(chain, solver).bound(chain.arrays)
+    """Forward dynamics of a chain by a solver, a function of (wrench, q, qd, tau, qdd); False in gimbal lock."""
+    found = solver_for(chain, solver).bound(chain.arrays)
+    if not chain.has_free_base:
+        return found
+
+    def of_free_base(wrench: Array, q: Array, qd: Array, tau: Array, qdd: Array) -> bool:
+        return found(wrench, q, qd, tau, qdd) and not base_without_rates(chain, q)
+
+    of_free_base.quick = of_free_base  # type: ignore[attr-defined]
+    return of_free_base
 
 
 def released(chain: Chain) -> Chain:

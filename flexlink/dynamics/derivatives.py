@@ -87,8 +87,8 @@ def inverse_dynamics_derivatives(
     if type(chain) is Chain and tip_wrench is None and type(frame) is str and frame == "world":
         found = np.empty((3, chain.n, chain.n))
         if inverse_derivatives(chain)(NO_WRENCH, q, qd, qdd, found):
-            found.setflags(write=False)
-            return InverseDerivatives(found[0], found[1], found[2])
+            found.setflags(write=False)  # also makes its parts read-only
+            return InverseDerivatives.of_read_only(dq=found[0], dqd=found[1], dqdd=found[2])
     if is_batch(q, qd, qdd):
         state = {"q": q, "qd": qd, "qdd": qdd}
         write = functools.partial(inverse_derivatives_of_many, require_type("chain", chain, Chain).arrays)
@@ -154,7 +154,7 @@ def forward_dynamics_derivatives(
         found = np.empty((3, chain.n, chain.n))
         if forward_derivatives(chain)(NO_WRENCH, q, qd, tau, found):
             found.setflags(write=False)  # also makes its parts read-only
-            return ForwardDerivatives(found[0], found[1], found[2])  # twice as fast as `*found`
+            return ForwardDerivatives.of_read_only(dq=found[0], dqd=found[1], dtau=found[2])
     if is_batch(q, qd, tau):
         state, many = {"q": q, "qd": qd, "tau": tau}, None
         if not require_type("chain", chain, Chain).forces and chain.shapes is None:

@@ -35,7 +35,7 @@ WRONG = "fits compare residuals with noise from elsewhere, and try physical caus
 SUMMED = "sweeps sum up statistics of their members"
 READING = "reports have intervals, and a number fitted to one reading predicts others"
 RAISED = {
-    "public names": (2, f"to_fmu writes an arm for simulators of whole machines; {ADJOINT}"),
+    "public names": (3, f"to_fmu writes an arm for simulators of whole machines; {ADJOINT}; Dynamics, in loops"),
     "lines of contracts": (7, "fits, sweeps, reports, advice and robots call the library, not its kernels"),
     "classes": (28, f"{COMPILES}; {LOOPS}; names of ties; {CURVED}; FMUs; {ADJOINT}; {WRONG}; {SUMMED}; solid films"),
     "constants": (29, f"{COMPILES}; {LOOPS}; {WRONG}; {SUMMED}"),

@@ -76,6 +76,21 @@ def batches(case: Case) -> None:
             assert rounding.acceleration_error(chain, *state, solutions=(found, alone)).max() <= 1.0
 
 
+def quick_calls(case: Case) -> None:
+    """Functions bound to the chain give the numbers of the public functions, to the bit."""
+    q, qd, tau, _ = case.state()
+    bound, chain = fl.Dynamics(case.chain), case.chain
+    for found, expected in (
+        (bound.forward_dynamics(q, qd, tau), fl.forward_dynamics(chain, q, qd, tau)),
+        (bound.inverse_dynamics(q, qd, tau), fl.inverse_dynamics(chain, q, qd, tau)),
+        (bound.mass_matrix(q), fl.mass_matrix(chain, q)),
+        (bound.jacobian(q)[1], fl.jacobian(chain, q).angular),
+        (bound.forward_dynamics_derivatives(q, qd, tau)[2], fl.forward_dynamics_derivatives(chain, q, qd, tau).dtau),
+        (bound.inverse_dynamics_derivatives(q, qd, tau)[0], fl.inverse_dynamics_derivatives(chain, q, qd, tau).dq),
+    ):
+        np.testing.assert_array_equal(found, expected)
+
+
 def slopes_forward(case: Case) -> None:
     """Derivatives of q̈ with respect to q, q̇ and T_EX match fourth-order differences with a step of 1e-3."""
     q, qd, tau, wrench = case.state()

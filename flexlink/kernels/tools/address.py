@@ -40,10 +40,13 @@ def bind(kernel: Callable[..., Any], given: tuple[Any, ...], *example: Any) -> C
         Further arguments, for which the kernel is compiled and which it may overwrite. With arguments of other types
         the function returns False.
 
-    The function holds Python's lock, so that threads cannot use the same scratch at once.
+    The function holds Python's lock, so that threads cannot use the same scratch at once. Its attribute `quick` is the
+    same function, a tenth of a microsecond faster, which raises a ValueError for an empty list.
     """
     if numba.config.DISABLE_JIT:
-        return functools.partial(_with_records(kernel, lambda address: given, ""), 0)
+        interpreted = functools.partial(_with_records(kernel, lambda address: given, ""), 0)
+        interpreted.quick = interpreted  # type: ignore[attr-defined]
+        return interpreted
     key = kernel, types_of(given), types_of(example)
     memory = np.array([*words(given)], np.int64)
     address = memory.ctypes.data
@@ -57,7 +60,8 @@ def bind(kernel: Callable[..., Any], given: tuple[Any, ...], *example: Any) -> C
         except ValueError:  # there is no type of an empty list
             return False
 
-    call.kept = given, memory  # type: ignore[attr-defined]
+    call.quick = functools.partial(compiled, address)  # type: ignore[attr-defined]
+    call.kept = call.quick.kept = given, memory  # type: ignore[attr-defined]
     return call
 
 
