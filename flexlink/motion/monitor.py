@@ -297,7 +297,8 @@ class Monitor:
             q, qd = self.record.q[: self.n_valid], self.record.qd[: self.n_valid]
             rounded = float(rounded_away(self.run, q, qd, np.array(self.record.chain.size)))
         moved = self.extent if tip_error or rounded else np.inf
-        if self.record.inputs.drive.law != TABLE and (part := self.at_limit.mean(axis=0)).max() > Thresholds.held:
+        limited = None if self.record.inputs.drive.law == TABLE else self.at_limit
+        if limited is not None and (part := limited.mean(axis=0)).max() > Thresholds.held:
             joint = self.record.chain.joint_name(int(self.record.inputs.drive.joints[np.argmax(part)]))
             text = f"the drive of {joint!r} is at its limit for {100 * part.max():.0f} % of the run"
             text += " and hardly controls it; raise drive.effort or slow the motion"
@@ -329,11 +330,11 @@ class Monitor:
         return bool(unbalanced > least or excused > least / Thresholds.doubt)
 
     @property
-    def at_limit(self) -> Mask:
-        """Whether each driven joint's torque is at its limit, shape (valid samples, d); (1, 1) without limits."""
+    def at_limit(self) -> Mask | None:
+        """Whether each driven joint's torque is at its limit, shape (valid samples, d); None without limits."""
         drive = self.record.inputs.drive
         if min(drive.effort.tolist(), default=np.inf) == np.inf:
-            return np.zeros((1, 1), bool)
+            return None
         return np.abs(self.record.tau[: self.n_valid, drive.joints]) >= drive.effort
 
     @property

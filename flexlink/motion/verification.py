@@ -96,8 +96,8 @@ def _switches(monitor: Monitor) -> bool:
     jumps, taken = (len(corners(drive)) if drive.law == TABLE else 0) + steps.rejected, steps.taken
     if drive.law == COMPUTED_TORQUE and not drive.rate and (record.chain.stiffness > 0.0).any():
         return True
-    at_limit = float(monitor.at_limit.any(axis=1).mean())
-    return at_limit > 0.5 or jumps > 0.3 * taken or (at_limit > 0.0 and jumps > 0.1 * taken)
+    share = 0.0 if (limited := monitor.at_limit) is None else float(limited.any(axis=1).mean())
+    return share > 0.5 or jumps > 0.3 * taken or (share > 0.0 and jumps > 0.1 * taken)
 
 
 def coarser_run(monitor: Monitor) -> RunSettings | None:
