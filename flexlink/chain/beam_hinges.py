@@ -59,7 +59,7 @@ def add_beam(
         _add_rigid(builder, link, number, beam)
         return []
     segments, stations = segments_of(link, rule, beam, nodes), None
-    rest, fixed = _turns(link, rule, nodes)
+    rest, before, after = _turns(link, rule, nodes)
     if link.strains:
         stations = stations_of(link, beam, nodes, weights, [body for body, _, _ in segments])
     rotors = np.zeros((3, len(nodes))) if stations is None else stations.inertias.copy()
@@ -70,10 +70,10 @@ def add_beam(
         if segment and stations is not None and segment % 2:
             slides |= _add_slides(builder, link, number, segment, stations)
         if segment:
-            if fixed is not None:
-                builder.turn(fixed[segment - 1])
+            builder.turn(before[segment - 1])
             each = rotors[:, segment - 1].tolist(), rest[segment - 1].tolist()
             hinges |= _add_hinges(builder, link, number, segment, rule, *each)
+            builder.turn_section(after[segment - 1])
         if segment and stations is not None and not segment % 2:
             slides |= _add_slides(builder, link, number, segment, stations)
         if body is not None:
@@ -123,7 +123,7 @@ def _add_hinges(
 def _turns(link: Link, rule: LumpingRule, nodes: Array) -> Turns:
     """Turns of the hinges of a link at rest; refuses springs of rotation vectors, which act on the angles from rest."""
     if link.rest_shape is None:
-        return np.zeros((len(nodes), 3)), None
+        return np.zeros((len(nodes), 3)), [None] * len(nodes), [None] * len(nodes)
     if rule.springs == "rotation" and AXES[link.flex] == AXES["xyz"]:
         text = "its springs act on rotations of links that are straight at rest; use 'gauss' or 'lobatto2'"
         raise SceneError(f"link {link.name!r}: lumping = {link.lumping!r}: {text}", id="rotation-curved")
@@ -134,9 +134,9 @@ def _add_rigid(builder: Builder, link: Link, number: int, beam: SectionBeam | Ta
     """Add a rigid beam that is curved at rest, as straight pieces of one body."""
     rule = lumping_rule("lobatto4")
     nodes, _ = rule.hinges(128)  # so that the centre of mass of a quarter circle is right to 1e-5 of its length
-    _, turns = turns_at_rest(link, rule, nodes)
+    _, turns, _ = turns_at_rest(link, rule, nodes)
     for segment, (body, part, end) in enumerate(_segments(beam, nodes.tobytes())):
-        if segment and turns is not None:
+        if segment:
             builder.turn(turns[segment - 1])
         if body is not None:
             builder.add(body)

@@ -142,11 +142,17 @@ class Builder:
         self.pieces.append(Piece(link, part, self.on, self.running, end))
         self.move(end)
 
-    def turn(self, rotation: Array) -> None:
-        """Turn the running frame: v_before = rotation @ v."""
+    def turn(self, rotation: Array | None) -> None:
+        """Turn the running frame: v_before = rotation @ v; None: not at all."""
         R, p = self.running
-        if not (_is_one(rotation) and _is_one(R)):
+        if rotation is not None and not (_is_one(rotation) and _is_one(R)):
             self.running = Pose(product(R, rotation), p)
+
+    def turn_section(self, rotation: Array | None) -> None:
+        """Turn the running frame at the hinges of the current body, with the axes of its link and section."""
+        if rotation is not None:
+            self.turn(rotation)
+            self.body.link, self.body.section = product(rotation, self.body.link), product(rotation, self.body.section)
 
     def start_body(self, link: Array = HERE.R, section: Array = HERE.R) -> None:
         """Start a new body at the running frame, without hinges; `link` and `section` as in `DESCRIBED`."""

@@ -9,9 +9,13 @@ In cells M is given at Gauss points x_q with weights w_q, and Cᵀ W M are the m
 By rules on a grid, M is linear between hinges, and beyond the outer ones. So the hinges turn by exactly ∫ κ₀ dx in
 sum, and so is the first moment of these turns, whatever κ₀ is (except by elements of one hinge).
 
-The rest angles of a station are the Euler angles of its rotation exp [v]×, in the order of its hinges; about axes in
-which the link does not bend, its body is turned once and for all before them.
+The rest angles of a station's hinges are the components of v. Frames before and after the hinges are turned once and
+for all, so that all turns together are exp [v]×, and the hinges have the axes of the section halfway; with those at its
+beginning, statics would be of order 1. Of three hinges, the second turns the axes of the others by half of its angle in
+opposite directions, which an order that alternates from station to station compensates (`lumping_rules`).
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -23,9 +27,9 @@ from flexlink.describe.link import AXES, Link
 from flexlink.describe.rest_shape import Along
 from flexlink.describe.schemes.lumping_rules import LumpingRule
 
-Turns = tuple[Array, Array | None]
-"""Angles (N, 3) of the hinges about x, y, z at rest [rad], 0 if there is no hinge about an axis; and turns (N, 3, 3)
-before the hinges, about axes in which the link does not bend, or None."""
+Turns = tuple[Array, Sequence[Array | None], Sequence[Array | None]]
+"""Angles (N, 3) of the hinges about x, y, z at rest [rad], 0 without a hinge; and turns (3, 3) of the frames before and
+after the hinges of each station, or None."""
 
 
 def turns_at_rest(link: Link, rule: LumpingRule, nodes: Array) -> Turns:
@@ -35,26 +39,26 @@ def turns_at_rest(link: Link, rule: LumpingRule, nodes: Array) -> Turns:
     shape, bends = link.rest_shape or (), [axis - 1 for axis in AXES[link.flex]]
     v = np.transpose([rotations(part, rule, nodes) * link.beam.length for part in shape])
     if not bends:
-        return np.zeros_like(v), Rotation.from_rotvec(v).as_matrix()
+        return np.zeros_like(v), [*Rotation.from_rotvec(v).as_matrix()], [None] * len(v)
     largest = np.linalg.norm(v, axis=1).max()
     if largest >= np.pi / 2:  # where Euler angles are singular
         text = f"link {link.name!r}: at rest a hinge turns by {np.degrees(largest):.0f}°, which must be less than 90°"
         raise SceneError(f"{text}; use more segments, or check curvature, twist, thermal", id="rest-angle-too-large")
-    stiff, angles = [axis for axis in range(3) if axis not in bends], v.copy()
-    in_space = (v != 0).sum(axis=1) > 1
-    from_z = rule.alternate_axes & (np.arange(len(v)) % 2 == 1)  # stations whose hinges have the order Z, Y, X
-    for reverse in (False, True):
-        order = stiff + bends[:: -1 if reverse else 1]
-        these = np.flatnonzero(in_space & (from_z == reverse))
-        if len(these):
-            angles[np.ix_(these, np.array(order))] = Rotation.from_rotvec(v[these]).as_euler(_names(order))
-    fixed = Rotation.from_euler(_names(stiff), angles[:, stiff]).as_matrix() if angles[:, stiff].any() else None
-    angles[:, stiff] = 0.0
-    return angles, fixed
-
-
-def _names(axes: list[int]) -> str:
-    return "".join("XYZ"[axis] for axis in axes)
+    planar = len(bends) == 1 and not np.delete(v, bends, axis=1).any()
+    if planar:
+        return v, [None] * len(v), [None] * len(v)
+    angles, (before, after) = np.where(np.isin(range(3), bends), v, 0.0), np.empty((2, len(v), 3, 3))
+    for start, order in enumerate((bends, bends[:: -1 if rule.alternate_axes else 1])):  # of every second station
+        turn = v[start::2]
+        if len(turn):
+            halfway = turn / 2
+            halfway[:, order[0]] *= -1.0  # so that hinges which this one turns are halfway as well
+            halfway[:, order[1:-1]] = 0.0
+            first = Rotation.from_rotvec(halfway)
+            hinges = Rotation.from_euler("".join("XYZ"[axis] for axis in order), turn[:, order])
+            before[start::2] = first.as_matrix()
+            after[start::2] = ((first * hinges).inv() * Rotation.from_rotvec(turn)).as_matrix()
+    return angles, [*before], [*after]
 
 
 def rotations(κ: Along, rule: LumpingRule, nodes: Array) -> Array:
