@@ -174,8 +174,8 @@ def shape_through(points: Array, angles: Array | float = 0.0) -> list[Row]:
     """Positions s along a cubic spline through points (k, 3) that begins along x, and its κ_y and κ_z there.
 
     Sections do not turn about the tangent t, so t' = κ_z e_y − κ_y e_z; their axes follow from double reflections (Wang
-    et al. 2008, ACM Trans. Graph. 27, 2). Last is the twist of sections that are turned by angles (k,), splined too,
-    from axes whose y has no part along z of the root; per length, these turn about t by t_z times atan2(t_y, t_x)'.
+    et al. 2008, ACM Trans. Graph. 27, 2). Last is the twist of sections whose angles (k,), which a spline connects,
+    count from axes whose y has no part along z of the root: these turn about t by t_z d atan2(t_y, t_x).
     """
     from scipy.interpolate import CubicSpline  # noqa: PLC0415  slow to import: 0.1 s
 

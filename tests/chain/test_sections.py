@@ -451,3 +451,58 @@ def test_a_gauge_on_a_jump_of_a_relative_table_is_refused() -> None:
     with refused(fl.errors.SceneError, "gauge-on-jump") as caught:
         blade.varied({"sensor": [gauge]})
     assert "x = 1.996 or 2.004" in str(caught.value)
+
+
+COLUMNS = {"gj": 0.6, "ei_y": 1.3, "ei_z": 0.9, "ea": 40.0, "kga_y": 25.0, "kga_z": 34.0}
+
+
+def of_columns(factors: Any = (1.0, 0.5), **changed: Any) -> fl.Rigidity:
+    names = {**COLUMNS, **changed}
+    columns = {name: tuple(k * f for f in factors) for name, k in names.items() if k}
+    more = dict.fromkeys(("rho_a", "rho_i_y", "rho_i_z"), (1.0, 1.0))
+    return fl.Rigidity(x=(0.0, 1.0), **columns, **more)
+
+
+@pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
+@pytest.mark.parametrize("strains", [ALL, {"shear": True}, {"stretch": True}, {}])
+def test_columns_of_axial_and_shear_rigidity_are_those_of_a_matrix(flex: str, strains: dict[str, bool]) -> None:
+    K = np.array(
+        [k * np.diag([COLUMNS[name] for name in ("ea", "kga_y", "kga_z", "gj", "ei_y", "ei_z")]) for k in (1.0, 0.5)]
+    )
+    own = of_columns(k_yz=0.2)
+    K[:, 4, 5] = K[:, 5, 4] = own.k_yz
+    matrix = fl.Rigidity(x=own.x, stiffness=K, rho_a=own.rho_a, rho_i_y=own.rho_i_y, rho_i_z=own.rho_i_z)
+    gauge = fl.Sensor(name="g", kind="strain", link="blade", x=0.4, fibre=(0.1, 0.2))
+    found = []
+    for table in (own, matrix):
+        given = scene(flex=flex, shear=False, stretch=False).varied(
+            {f"link.blade.{key}": True for key in strains} | {"rigidity.t": table}
+        )
+        given = given.varied(
+            {"sensor": [gauge], "run.duration": 0.0, "wrench.force": (0.3, 0.2, 0.1), "initial.passive": "static"}
+        )
+        run = fl.simulate(given)
+        found.append([*fl.natural_frequencies(fl.lump(given)), *run.tip[0], run.columns["g [1]"][0]])
+    np.testing.assert_allclose(*found, rtol=1e-9, atol=1e-12)
+
+
+def test_a_bar_and_a_timoshenko_beam_of_columns_have_closed_forms() -> None:
+    given = scene(flex="z", shear=True, stretch=True, hinges=16).varied(
+        {"rigidity.t": of_columns((1.0, 1.0), gj=None, ei_y=None, kga_z=None)}
+    )
+    F = 1e-4
+    assert moved(given, [F, 0.0, 0.0])[0] == pytest.approx(1 + F / 40.0, rel=1e-14)
+    bent = F / (3 * 0.9) + F / 25.0
+    assert moved(given, [0.0, F, 0.0])[1] == pytest.approx(bent, rel=1e-8)
+
+
+def test_columns_of_axial_and_shear_rigidity_come_from_csv_files(tmp_path: Path) -> None:
+    text = "x [m],EI_z [N m²],EA [kN],kGA_y [N],kGA_z [N],rhoA [kg/m]\n0,9,2,3,4,1\n1,9,2,3,4,1\n"
+    (tmp_path / "t.csv").write_text(text, encoding="utf-8")
+    table = fl.Rigidity(file=str(tmp_path / "t.csv"))
+    assert (table.ea, table.kga_y, table.kga_z) == ((2e3, 2e3), (3.0, 3.0), (4.0, 4.0))
+    for absent in ("ea", "kga_z"):
+        with refused(fl.errors.SceneError, "strains-need-a-section"):
+            scene().varied({"rigidity.t": of_columns(**{absent: None})})
+    with refused(fl.errors.SceneError, "both-given"):
+        fl.Rigidity(x=(0.0, 1.0), stiffness=STIFF, mass=CENTRED, ea=(1.0, 1.0))
