@@ -392,7 +392,8 @@ def test_other_mistakes_with_a_primary_file_are_refused(tmp_path: Path, capsys: 
     file, blade = tmp_path / "primary.dat", tmp_path / "a blade.dat"
     file.write_text(primary_file(KEYS, 4), encoding="utf-8")
     scene(length=0.0, curvature={"points": KEYS[:, [2, 0, 1]]}).save(tmp_path / "scene.toml")
-    assert main(["info", str(tmp_path / "scene.toml"), "--set", f"link.blade.twist={{file='{blade}'}}"]) == 2
+    code = main(["info", str(tmp_path / "scene.toml"), "--set", f"link.blade.twist={{file='{blade}'}}"])
+    assert code == 2
     refused_line(capsys.readouterr().err, "cannot-read")
     with refused(fl.errors.SceneError, "both-given"):
         RestTwist(file=str(file), root=0.1)
