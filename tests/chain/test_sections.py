@@ -316,7 +316,7 @@ def test_a_blade_from_key_points_has_the_axis_and_section_axes_of_beamdyn(tmp_pa
 
 
 @pytest.mark.slow
-def test_the_twisted_beam_of_beamdyn_from_its_files(tmp_path: Path) -> None:
+def test_the_twisted_beam_of_beamdyn_from_its_blade_file(tmp_path: Path) -> None:
     """10 m, 90° of initial twist, −4 MN along y at the tip: "bd_static_twisted_with_k1" of OpenFAST's regression tests.
 
     BeamDyn's result there is within 1e-4 of the length of the rod by shooting; ours is within 1e-6. Its twist is
