@@ -264,7 +264,7 @@ def load_and_bend(arm: Arm, run: Trajectory) -> tuple[float, float]:
 def _least_rigidity(arm: Arm, link: Link) -> float:
     """The smallest EI of a link [N m²]."""
     if link.rigidity is not None:
-        table = arm.rigidities[link.rigidity].of_flex(link.flex)
+        table = arm.rigidities[link.rigidity].of_flex(link.flex, ())
         if table.coupled:
             return float(1 / np.linalg.eigvalsh(np.linalg.inv(table.rows.stiffness)[:, :3, :3]).max())
         return table.stiffness_factor * min(min(column) for column in (table.ei_y, table.ei_z) if column is not None)

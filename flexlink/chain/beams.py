@@ -228,7 +228,8 @@ def table_of(arm: Arm, link: Link) -> TableBeam | None:
     """The beam of a link with a table of rigidities; None without one."""
     if link.rigidity is None:
         return None
-    return TableBeam(link.beam.length, arm.rigidities[link.rigidity].of_flex(link.flex), link.strain_axes)
+    axes = link.strain_axes
+    return TableBeam(link.beam.length, arm.rigidities[link.rigidity].of_flex(link.flex, axes), axes)
 
 
 def _sums(owner: NDArray[np.intp], parts: Array, count: int) -> Array:

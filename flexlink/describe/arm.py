@@ -149,8 +149,10 @@ class Arm(Spec, frozen=True):
         path = f"{self.path(k)}.rigidity = {link.rigidity!r}"
         for column in table.lacks(link.flex):
             yield Diagnostic(f"{path}: has no {column}; flex = {link.flex!r} needs it", "rigidity-table")
-        if link.strains and table.stiffness is None:
-            text = f"{path}: has no stiffness 6 × 6 for {link.strain_keys}; add it, or use a material and a section"
+        wanted = [("ea", "kga_y", "kga_z")[axis] for axis in link.strain_axes if table.stiffness is None]
+        if absent := [name for name in wanted if name not in table.strained]:
+            what = f"{' and '.join(absent)} for {link.strain_keys}"
+            text = f"{path}: has no {what}; add it, or stiffness 6 × 6, or use a material and a section"
             yield Diagnostic(text, "strains-need-a-section")
         if why := wrong_end(table.x[-1] * (link.beam.length if table.relative else 1.0), link.beam.length):
             yield Diagnostic(f"{path}: {why}", "rigidity-table")

@@ -268,7 +268,7 @@ class Link(Spec, frozen=True):
     @property
     def beam(self) -> Line:
         """Start, length and axes of the beam; for a link without length, a point at its joint."""
-        return _beam(self.line, self.stop, self.up, self.joint.axis)
+        return _beam(self.line, self.stop, self.up, self.joint.axis, getattr(self.twist, "root", 0.0))
 
     @property
     def stop(self) -> Vector3:
@@ -279,12 +279,15 @@ class Link(Spec, frozen=True):
 
 
 @functools.lru_cache(maxsize=256)
-def _beam(line: tuple[Vector3, Vector3] | None, stop: Vector3, up: Vector3 | None, axis: Vector3) -> Line:
-    """The beam's line, read-only because links of the same geometry share it."""
+def _beam(line: tuple[Vector3, Vector3] | None, stop: Vector3, up: Vector3 | None, axis: Vector3, root: float) -> Line:
+    """The beam's line, read-only because links of the same geometry share it; `root` turns its sections about it."""
     if line is None and not any(stop):
         beam = Line(np.zeros(3), 0.0, np.eye(3))
     else:
         beam = line_of(line or ((0.0, 0.0, 0.0), stop), up, unit("axis", axis))
+    if root:
+        c, s = np.cos(root), np.sin(root)
+        beam = beam._replace(frame=beam.frame @ np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]]))
     beam.start.flags.writeable = beam.frame.flags.writeable = False
     return beam
 

@@ -22,7 +22,6 @@ import numpy as np
 from flexlink.common.errors import SceneError, errors_at
 from flexlink.common.types import Array
 from flexlink.common.wording import both_given
-from flexlink.data.csv_table import read_csv
 from flexlink.describe.spec import NonNegative, Spec, Vector3, measured_in
 
 Row = tuple[float, ...]
@@ -50,7 +49,8 @@ class _Table(Spec, frozen=True):
         self._fill()
         check_rows(self, self.x)
         for name in self.__struct_fields__[1:]:
-            if (column := getattr(self, name)) and len(column) != len(self.x):
+            column = getattr(self, name)
+            if column and isinstance(column, tuple) and len(column) != len(self.x):
                 raise self._refused(name, f"expected one number per row of x, {len(self.x)}", "one-per-row")
 
     def _fill(self) -> None:
@@ -87,7 +87,11 @@ class RestCurvature(_Table, frozen=True):
     points: Annotated[tuple[Vector3, ...], measured_in("m")] = ()
     """Points of the centre line instead of columns, in axes of the beam's root from (0, 0, 0) on, at least four [m]."""
     file: str | None = None
-    """A CSV file of such points, with columns x, y and z and their units, relative to the scene's folder."""
+    """A CSV file of such points, with columns x, y and z and their units, or a primary input file of BeamDyn, whose key
+    points are read; relative to the scene's folder. BeamDyn's z, x and y are x, y and z of the beam."""
+    untwisted: bool = False
+    """Whether y and z are curvatures about axes that `link.twist` does not turn, as those of `points` always are [1].
+    Default: about axes of the section."""
 
     def _fill(self) -> None:
         given = [name for name in ("file", "points", "x", "y", "z") if getattr(self, name)]
@@ -95,18 +99,23 @@ class RestCurvature(_Table, frozen=True):
             return
         if given[1:]:
             raise both_given(given[0], getattr(self, given[0]), given[1])
+        from flexlink.data.blade_file import read_centre_line  # noqa: PLC0415  few scenes name one
+
         points = np.array(self.points)
         if self.file is not None:
             with errors_at(f"file = {self.file!r}: ", file=self.file):
-                table = read_csv(Path(self.file))
-                points = np.column_stack([table.column(axis, "m") for axis in "xyz"])
-        found = curvature_through(points)
-        for name, column in zip(("x", "y", "z", "points", "file"), (*found, (), None), strict=True):
-            msgspec.structs.force_setattr(self, name, column)
+                points = read_centre_line(Path(self.file))[:, :3]
+        found = *shape_through(points)[:3], (), None, True
+        for name, value in zip(("x", "y", "z", "points", "file", "untwisted"), found, strict=True):
+            msgspec.structs.force_setattr(self, name, value)
 
 
 class RestTwist(_Table, frozen=True):
     """Twist of a link at rest as a table along it; linear between rows, with jumps where two rows have the same x.
+
+    The initial twist of BeamDyn's key points is positive about −x here. A cubic spline along their centre line connects
+    the angles (BeamDyn fits polynomials to points and angles). They count from axes that BeamDyn tilts along the line
+    so that its x has no part along its y; this turn about the line, nonzero if the line bends in space, is in `rate`.
 
     Examples
     --------
@@ -117,6 +126,24 @@ class RestTwist(_Table, frozen=True):
 
     rate: Annotated[Row, measured_in("rad/m")] = ()
     """Twist per length about the beam's axis [rad/m]."""
+    root: Annotated[float, measured_in("rad")] = 0.0
+    """Angle of the section at the root about the beam's axis, from the axes that follow from `link.up` [rad]."""
+    file: str | None = None
+    """A primary input file of BeamDyn instead, relative to the scene's folder; name it in `curvature` too if the axis
+    is not straight."""
+
+    def _fill(self) -> None:
+        if self.file is None:
+            return
+        if given := [name for name in ("x", "rate", "root") if getattr(self, name)]:
+            raise both_given("file", self.file, given[0])
+        from flexlink.data.blade_file import read_centre_line  # noqa: PLC0415  few scenes name one
+
+        with errors_at(f"file = {self.file!r}: ", file=self.file):
+            keys = read_centre_line(Path(self.file), twisted=True)
+            x, _, _, rate = shape_through(keys[:, :3], keys[:, 3])
+        for name, value in {"x": x, "rate": rate, "root": float(keys[0, 3]), "file": None}.items():
+            msgspec.structs.force_setattr(self, name, value)
 
 
 class ThermalGradient(Spec, frozen=True):
@@ -143,11 +170,12 @@ class ThermalGradient(Spec, frozen=True):
         return self.expansion * along_z, -self.expansion * along_y
 
 
-def curvature_through(points: Array) -> list[Row]:
+def shape_through(points: Array, angles: Array | float = 0.0) -> list[Row]:
     """Positions s along a cubic spline through points (k, 3) that begins along x, and its κ_y and κ_z there.
 
     Sections do not turn about the tangent t, so t' = κ_z e_y − κ_y e_z; their axes follow from double reflections (Wang
-    et al. 2008, ACM Trans. Graph. 27, 2).
+    et al. 2008, ACM Trans. Graph. 27, 2). Last is the twist of sections whose angles (k,), which a spline connects,
+    count from axes whose y has no part along z of the root: these turn about t by t_z d atan2(t_y, t_x).
     """
     from scipy.interpolate import CubicSpline  # noqa: PLC0415  slow to import: 0.1 s
 
@@ -167,13 +195,15 @@ def curvature_through(points: Array) -> list[Row]:
     speeds = np.linalg.norm(line(u[:-1, None] + np.diff(u)[:, None] * (gauss + 1) / 2, 1), axis=2)
     s = np.append(0.0, np.cumsum(speeds @ weights / 2 * np.diff(u)))
     r, rate = line(u), line(u, 1)
-    t = rate / np.linalg.norm(rate, axis=1, keepdims=True)
-    bends = line(u, 2) / (rate**2).sum(axis=1, keepdims=True)  # t' and a part along t
+    speed = np.linalg.norm(rate, axis=1, keepdims=True)
+    t, bends = rate / speed, line(u, 2) / speed**2  # t' and a part along t
     y = np.tile(np.eye(3)[1], (len(u), 1))
     for k in range(len(u) - 1):
         y[k + 1] = _mirrored(y[k], r[k + 1] - r[k])
         y[k + 1] = _mirrored(y[k + 1], t[k + 1] - _mirrored(t[k], r[k + 1] - r[k]))
-    found = s, -(bends * np.cross(t, y)).sum(axis=1), (bends * y).sum(axis=1)
+    turns = t[:, 2] * (t[:, 0] * bends[:, 1] - t[:, 1] * bends[:, 0]) / (t[:, :2] ** 2).sum(axis=1)
+    turns += CubicSpline(knots, angles * np.ones(len(points)))(u, 1) / speed[:, 0]
+    found = s, -(bends * np.cross(t, y)).sum(axis=1), (bends * y).sum(axis=1), turns
     return [tuple(column.tolist()) for column in found]
 
 
@@ -192,15 +222,29 @@ def rest_shape(curvature: Curvature, twist: RestTwist | float, thermal: ThermalG
     """Twist and curvature of a beam at rest; None if it is straight and not twisted."""
     if not (curvature or twist or thermal):
         return None
+    twisted = twist.along(twist.rate) if isinstance(twist, RestTwist) else _constant(twist)
     if isinstance(curvature, RestCurvature):
         bent = [curvature.along(curvature.y), curvature.along(curvature.z)]
+        if curvature.untwisted and twist:
+            bent = _turned(bent, twisted, getattr(twist, "root", 0.0), curvature.x[-1])
     else:
         bent = [_constant(κ) for κ in (curvature if isinstance(curvature, tuple) else (0.0, curvature))]
-    twisted = twist.along(twist.rate) if isinstance(twist, RestTwist) else _constant(twist)
     warm = (0.0, 0.0) if thermal is None else thermal.curvatures
     κ_y, κ_z = (part._replace(values=part.values + added) for part, added in zip(bent, warm, strict=True))
     found = twisted, κ_y, κ_z
     return found if any(part.values.any() for part in found) else None
+
+
+def _turned(bent: list[Along], twist: Along, root: float, length: float) -> list[Along]:
+    """Curvatures about axes of sections that twist turns, from those about axes that it does not turn."""
+    rows = np.unique(np.concatenate([bent[0].x, twist.x]))
+    parts = -(-1024 // (len(rows) - 1))  # linear in between: an error of 1e-6 if the beam turns by 5 rad
+    x = np.interp(np.arange((len(rows) - 1) * parts + 1) / parts, np.arange(len(rows)), rows)
+    φ, ends = np.append(0.0, np.cumsum(np.diff(x) * twist.at((x[:-1] + x[1:]) / 2))), np.repeat(x, 2)[1:-1]
+    c, s = (f(root + length * np.repeat(φ, 2)[1:-1]) for f in (np.cos, np.sin))
+    inside = ends + np.repeat(np.diff(x), 2) * np.tile([1e-9, -1e-9], len(x) - 1)  # on this side of a jump
+    κ_y, κ_z = (part.at(inside) for part in bent)
+    return [Along(ends, c * κ_y + s * κ_z), Along(ends, c * κ_z - s * κ_y)]
 
 
 def _constant(value: float) -> Along:

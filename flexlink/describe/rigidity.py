@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, cast
 
@@ -19,6 +19,7 @@ from flexlink.describe.spec import NonNegative, Positive, Spec, build_unchecked,
 
 COLUMNS = {
     "ei_y": "N m²", "ei_z": "N m²", "gj": "N m²", "k_xy": "N m²", "k_xz": "N m²", "k_yz": "N m²",
+    "ea": "N", "kga_y": "N", "kga_z": "N",
     "rho_a": "kg/m", "rho_i_y": "kg m", "rho_i_z": "kg m",
 }  # fmt: skip
 """Columns of a table other than x, with units."""
@@ -36,7 +37,8 @@ class Rigidity(Spec, frozen=True):
     Columns are linear between rows and jump where two rows have the same x. Hinge springs have the exact compliance
     ∫ dx/EI of their part of the beam; segments have its exact mass, centre and inertia. By rules with cells, masses are
     lumped at the cell's points, which leaves a second-order error where ρA jumps.
-    A link with flex = "z" needs `ei_z`; "yz" also needs `ei_y`; "xyz" also needs `gj` and inertia about its x.
+    A link with flex = "z" needs `ei_z`; "yz" also needs `ei_y`; "xyz" also needs `gj` and inertia about its x. With
+    `stretch` it needs `ea`, with `shear` `kga_y`, and if it bends about y also `kga_z`.
     Moments of a section with couplings, such as a composite blade, follow from its twist and curvature by
 
         (M_x, M_y, M_z) = K (twist, κ_y, κ_z)        K = [[GJ, K_xy, K_xz], [K_xy, EI_y, K_yz], [K_xz, K_yz, EI_z]]
@@ -74,13 +76,19 @@ class Rigidity(Spec, frozen=True):
     """Coupling of twist and bending about z [N m²]. Default: 0."""
     k_yz: Annotated[tuple[float, ...] | None, measured_in("N m²")] = None
     """Coupling of bending about y and about z [N m²]. Default: 0, for principal axes."""
+    ea: Annotated[tuple[Positive, ...] | None, measured_in("N")] = None
+    """Axial rigidity EA [N], for links with `stretch`."""
+    kga_y: Annotated[tuple[Positive, ...] | None, measured_in("N")] = None
+    """Shear rigidity κGA along the section's y [N], for links with `shear`."""
+    kga_z: Annotated[tuple[Positive, ...] | None, measured_in("N")] = None
+    """Shear rigidity κGA along the section's z [N], for links with `shear`."""
     rho_i_y: Annotated[tuple[NonNegative, ...] | None, measured_in("kg m")] = None
     """Inertia per length about the section's y, ∫ ρ z² dA [kg m]. Default: 0, for a thin beam."""
     rho_i_z: Annotated[tuple[NonNegative, ...] | None, measured_in("kg m")] = None
     """Inertia per length about the section's z, ∫ ρ y² dA [kg m]. Default: 0, for a thin beam."""
     stiffness: Annotated[Matrices | None, measured_in("N", "N m", "N m²")] = None
-    """K of the sections, 6 × 6, instead of EI, GJ and couplings: one for the complete beam, or one per row of x; of
-    forces by strains [N], by curvatures [N m], and of moments by curvatures [N m²]."""
+    """K of the sections, 6 × 6, instead of other rigidities and couplings: one for the complete beam, or one per row of
+    x; of forces by strains [N], by curvatures [N m], and of moments by curvatures [N m²]."""
     mass: Annotated[Matrices | None, measured_in("kg/m", "kg", "kg m")] = None
     """M of the sections about the beam's axis, 6 × 6, instead of ρA and ρI: mass per length [kg/m], its first moments
     m y and m z [kg], and inertia I_x, I_y, I_z, I_yz [kg m]."""
@@ -88,12 +96,13 @@ class Rigidity(Spec, frozen=True):
     """Whether x is relative to the beam's length, from 0 to 1 [1]."""
     file: str | None = None
     """A CSV file instead of columns, with headers "x [m]", "EI_z [N m²]", "EI_y [N m²]", "GJ [N m²]", "K_xy [N m²]",
-    "K_xz [N m²]", "K_yz [N m²]", "rhoA [kg/m]", "rhoI_y [kg m]", "rhoI_z [kg m]"; or a blade file of BeamDyn.
-    The path is relative to the scene's folder; the file is read once."""
+    "K_xz [N m²]", "K_yz [N m²]", "EA [N]", "kGA_y [N]", "kGA_z [N]", "rhoA [kg/m]", "rhoI_y [kg m]", "rhoI_z [kg m]";
+    or a blade file of BeamDyn, or a primary file that names one. The path is relative to the scene's folder; the file
+    is read once."""
     loss_time: Annotated[NonNegative, measured_in("s")] = 0.0
     """Kelvin-Voigt loss time η [s], as for a material."""
     stiffness_factor: Positive = 1.0
-    """Factor by which EI, GJ and couplings are multiplied along the complete beam, one number to vary or fit [1]."""
+    """Factor by which stiffnesses of sections are multiplied along the complete beam, a number to vary or fit [1]."""
     mass_factor: Positive = 1.0
     """Factor by which ρA and ρI are multiplied along the complete beam [1]."""
 
@@ -164,17 +173,26 @@ class Rigidity(Spec, frozen=True):
 
     @property
     def coupled(self) -> bool:
-        """Whether the sections couple two axes, or are given as matrices."""
-        return self.stiffness is not None or any(map(self._given, COUPLED))
+        """Whether the sections couple two axes, or are matrices because they are given so or have EA or κGA."""
+        return self.stiffness is not None or any(map(self._given, (*COUPLED, *self.strained)))
 
-    def of_flex(self, flex: str) -> Rigidity:
-        """The table of a link with this flex: without couplings to axes about which it does not bend."""
+    @property
+    def strained(self) -> tuple[str, ...]:
+        """Columns of EA and κGA that are given, in the order of strains ε, γ_y, γ_z."""
+        return tuple(name for name, unit in COLUMNS.items() if unit == "N" and self._given(name))
+
+    def of_flex(self, flex: str, strains: Collection[int] = (0, 1, 2)) -> Rigidity:
+        """The table of a link with this flex: without couplings to axes about which it does not bend, or with strains.
+
+        Without `strains` it has no EA and κGA.
+        """
         held = HELD.get(flex, ())
         if self.stiffness is not None and len(held) < len(HELD["xyz"]):
             free = np.array([True, True, True, *(name in held for name in ("gj", "ei_y", "ei_z"))])
             K = self.matrices("stiffness") * (np.outer(free, free) | np.eye(6, dtype=bool))
             return self._replaced(stiffness=_tuples(K))
         ignored = [name for name, own in COUPLED.items() if self._given(name) and not {*own} <= {*held}]
+        ignored += [] if strains else self.strained
         return self._replaced(**dict.fromkeys(ignored)) if ignored else self
 
     def _replaced(self, **fields: Matrices | None) -> Rigidity:
@@ -200,7 +218,7 @@ class Rigidity(Spec, frozen=True):
     def jump_at(self, x: float, flex: str) -> float | None:
         """Position of a jump of a needed rigidity (see `lacks`) at x, up to rounding; None if there is none."""
         own = self.of_flex(flex)
-        columns = [getattr(own, name) or () for name in (*HELD[flex], *COUPLED)]
+        columns = [getattr(own, name) or () for name in (*HELD[flex], *COUPLED, *self.strained)]
         columns += [] if own.stiffness is None else [_tuples(own.matrices("stiffness"))]
         for k in range(1, len(self.x)):
             # relative distance below which two positions count as equal
@@ -220,6 +238,7 @@ def _columns(file: Path) -> dict[str, tuple[float, ...]]:
     # headers of a CSV file, and their keys
     heads = {"EI_y": "ei_y", "EI_z": "ei_z", "GJ": "gj", "rhoA": "rho_a", "rhoI_y": "rho_i_y", "rhoI_z": "rho_i_z"}
     heads |= {f"K_{axes}": f"k_{axes}" for axes in ("xy", "xz", "yz")}
+    heads |= {"EA": "ea", "kGA_y": "kga_y", "kGA_z": "kga_z"}
     table = read_csv(file)
     given = [head_of(head)[0] for head in table.heads]
     for head, quantity in zip(table.heads, given, strict=True):
@@ -293,6 +312,10 @@ def _rows(table: Rigidity) -> Rows:
         K_xy, K_xz, K_yz = (getattr(table, name) or nothing for name in COUPLED)
         gj, ei_y, ei_z = rigidities
         stiffness = np.array([[gj, K_xy, K_xz], [K_xy, ei_y, K_yz], [K_xz, K_yz, ei_z]]).transpose(2, 0, 1)
+        if table.strained:  # what is not given does no work in its links
+            K = np.array([getattr(table, name) or none for name, unit in COLUMNS.items() if unit == "N"])
+            stiffness = np.pad(stiffness, ((0, 0), (0, 3), (0, 3)))
+            stiffness[:, range(3, 6), range(3, 6)] = K.T
     if table.mass is not None:
         M = table.matrices("mass").transpose(1, 2, 0)
         masses = np.array([M[0, 0], -M[0, 5], M[0, 4], M[3, 3], M[4, 4], M[5, 5], M[4, 5]])

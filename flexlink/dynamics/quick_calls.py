@@ -21,6 +21,7 @@ from flexlink.dynamics.placement import ORIGIN, jacobian, jacobian_columns
 from flexlink.dynamics.terms import composite, inverse_dynamics, mass_matrix, newton_euler
 
 OfState = Callable[[ArrayLike, ArrayLike, ArrayLike], Array]
+OfPosition = Callable[[ArrayLike], Array]
 
 
 class Dynamics:
@@ -56,9 +57,9 @@ class Dynamics:
     """q̈ of `flexlink.forward_dynamics` as a function of q [rad], q̇ [rad/s] and T_EX [N m], shape (n,) [rad/s²]."""
     inverse_dynamics: OfState
     """τ = M q̈ + T_GC of `flexlink.inverse_dynamics` as a function of q, q̇ and q̈ [rad/s²], shape (n,) [N m]."""
-    mass_matrix: Callable[[ArrayLike], Array]
+    mass_matrix: OfPosition
     """M of `flexlink.mass_matrix` as a function of q, shape (n, n) [kg m²]."""
-    jacobian: Callable[[ArrayLike], Array]
+    jacobian: OfPosition
     """J_v and J_ω of `flexlink.jacobian` for the tip as a function of q, in one array of shape (2, 3, n)."""
     forward_dynamics_derivatives: OfState
     """∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX as a function of q, q̇ and T_EX, in one array of shape (3, n, n)."""
@@ -66,18 +67,18 @@ class Dynamics:
     """∂τ/∂q, ∂τ/∂q̇ and ∂τ/∂q̈ = M as a function of q, q̇ and q̈, in one array of shape (3, n, n)."""
 
     def __init__(self, chain: Chain) -> None:
-        n = require_type("chain", chain, Chain).n
+        n, tip = require_type("chain", chain, Chain).n, len(chain.bodies) - 1
         self.chain = chain
-        self.inverse_dynamics = _of_state(newton_euler(chain), n, functools.partial(inverse_dynamics, chain))
-        self.forward_dynamics = _of_state(accelerations(chain), n, functools.partial(forward_dynamics, chain))
-        self.mass_matrix = _mass_matrix(chain)
-        self.jacobian = _jacobian(chain)
+        self.forward_dynamics = _of_state(accelerations(chain), (n,), functools.partial(forward_dynamics, chain))
+        self.inverse_dynamics = _of_state(newton_euler(chain), (n,), functools.partial(inverse_dynamics, chain))
+        self.mass_matrix = _of_position(composite(chain), (n, n), functools.partial(mass_matrix, chain))
+        self.jacobian = _of_position(jacobian_columns(chain), (2, 3, n), _stacked(jacobian, chain), tip, ORIGIN)
         of_torques = _stacked(inverse_dynamics_derivatives, chain)
         self.inverse_dynamics_derivatives = _of_state(inverse_derivatives(chain), (3, n, n), of_torques)
-        self.forward_dynamics_derivatives = _stacked(forward_dynamics_derivatives, chain)
-        if chain.shapes is None:  # as the public function
-            of_accelerations = self.forward_dynamics_derivatives
-            self.forward_dynamics_derivatives = _of_state(forward_derivatives(chain), (3, n, n), of_accelerations)
+        of_accelerations = _stacked(forward_dynamics_derivatives, chain)
+        if chain.shapes is None:  # as in the public function
+            of_accelerations = _of_state(forward_derivatives(chain), (3, n, n), of_accelerations)
+        self.forward_dynamics_derivatives = of_accelerations
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Dynamics, (self.chain,)
@@ -86,14 +87,14 @@ class Dynamics:
         return f"<Dynamics of {self.chain.name!r}: {self.chain.n} joints>"
 
 
-def _of_state(kernel: Any, shape: int | tuple[int, ...], checked: OfState) -> OfState:
+def _of_state(kernel: Any, shape: tuple[int, ...], checked: OfState) -> OfState:
     """The kernel as a function of a state; states of another form go to the checked function."""
-    quick, new = kernel.quick, np.empty
+    quick, new = functools.partial(kernel.quick, NO_WRENCH), np.empty
 
     def function(q: ArrayLike, qd: ArrayLike, third: ArrayLike) -> Array:
         found = new(shape)
         try:
-            if quick(NO_WRENCH, q, qd, third, found):
+            if quick(q, qd, third, found):
                 return found
         except ValueError:  # an empty list
             pass
@@ -102,34 +103,18 @@ def _of_state(kernel: Any, shape: int | tuple[int, ...], checked: OfState) -> Of
     return function
 
 
-def _mass_matrix(chain: Chain) -> Callable[[ArrayLike], Array]:
-    kernel: Any = composite(chain)
-    quick, new, shape = kernel.quick, np.zeros, (chain.n, chain.n)
+def _of_position(kernel: Any, shape: tuple[int, ...], checked: OfPosition, *given: Any) -> OfPosition:
+    """As `_of_state`, of the position alone; `given` are the kernel's arguments before it."""
+    quick, new = functools.partial(kernel.quick, *given), np.zeros
 
     def function(q: ArrayLike) -> Array:
-        M = new(shape)
+        found = new(shape)
         try:
-            if quick(q, M):
-                return M
+            if quick(q, found):
+                return found
         except ValueError:  # an empty list
             pass
-        return mass_matrix(chain, q)
-
-    return function
-
-
-def _jacobian(chain: Chain) -> Callable[[ArrayLike], Array]:
-    kernel: Any = jacobian_columns(chain)
-    quick, new, shape, tip = kernel.quick, np.empty, (2, 3, chain.n), len(chain.bodies) - 1
-
-    def function(q: ArrayLike) -> Array:
-        J = new(shape)
-        try:
-            if quick(tip, ORIGIN, q, J):
-                return J
-        except ValueError:  # an empty list
-            pass
-        return _stacked(jacobian, chain)(q)
+        return checked(q)
 
     return function
 

@@ -7,13 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.polynomial import Legendre, legendre
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
 from scipy.linalg import eigh
 from scipy.optimize import root
+from scipy.spatial.transform import Rotation
 
 import flexlink as fl
+from flexlink.cli.main import main
+from flexlink.describe.rest_shape import RestCurvature, RestTwist
 from flexlink.describe.scene import scene_from
-from tests.support.words import refused
+from tests.support.words import refused, refused_line
 
 Array = np.ndarray
 STIFF = np.array([
@@ -47,7 +50,7 @@ def of_blade() -> Array:
 
 
 def scene(K: Any = STIFF, M: Any = CENTRED, hinges: int = 8, length: float = 1.0, **fields: Any) -> fl.Scene:
-    table = fl.Rigidity(x=(0.0, length), stiffness=K, mass=M)
+    table = fl.Rigidity(x=(0.0, length or 1.0), stiffness=K, mass=M, relative=not length)
     link = fl.Link(
         name="blade", length=length, segments=hinges + 1, rigidity="t",
         **{"flex": "xyz", "joint": fl.Joint(locked=True), **ALL, **fields},
@@ -269,9 +272,52 @@ def blade_file(K: Array, M: Array, mu: str = "1.0E-03 " * 6, damped: int = 1) ->
     return "\n".join([*head, "  0.000000", *rows, "  1.0", *rows])
 
 
+def primary_file(keys: Array, *members: int) -> str:
+    """A primary input file of BeamDyn with key points x, y, z and initial twist [°], (k, 4)."""
+    head = ["---- BEAMDYN with OpenFAST INPUT FILE ----", "Test", "---- GEOMETRY PARAMETER ----"]
+    head += [f"{len(members)}   member_total - Members (-)", f"{len(keys)}   kp_total - Key points (-)"]
+    head += [f"  {k}  {number}  - Member number; key points in it" for k, number in enumerate(members, 1)]
+    head += ["kp_xr kp_yr kp_zr initial_twist", "(m) (m) (m) (deg)"]
+    rows = [" ".join(f"{one:.9E}" for one in row) for row in keys]
+    return "\n".join([*head, *rows, "---- MATERIAL PARAMETER ----", '"a blade.dat"    BldFile - Properties (quoted)'])
+
+
+@pytest.mark.slow
+def test_a_blade_from_key_points_has_the_axis_and_section_axes_of_beamdyn(tmp_path: Path) -> None:
+    """Prebent, swept and twisted, in two members.
+
+    The truth is the curve from which the key points are, and section axes by `BD_ComputeIniNodalCrv` of OpenFAST: e1
+    has no part along y, and turns by minus the initial twist about the tangent e3.
+    """
+    z = np.linspace(0.0, 10.0, 41)
+    keys = np.column_stack([-0.01 * z**2, 0.2 * (1 - np.cos(0.3 * z)), z, 13.0 - 0.2 * z**2])
+    (tmp_path / "axis.dat").write_text(primary_file(keys, 21, 21), encoding="utf-8")
+
+    def axes(z: float) -> Array:
+        e3 = np.array([-0.02 * z, 0.06 * np.sin(0.3 * z), 1.0])
+        e3 /= np.linalg.norm(e3)
+        e1 = np.array([e3[2], 0.0, -e3[0]]) / np.hypot(e3[0], e3[2])
+        turn = Rotation.from_rotvec(-np.radians(13.0 - 0.2 * z**2) * e3).as_matrix()
+        return (turn @ np.array([e1, np.cross(e3, e1), e3]).T)[[2, 0, 1]][:, [2, 0, 1]]
+
+    errors, file = [], {"file": str(tmp_path / "axis.dat")}
+    for hinges in (32, 64):
+        given = scene(hinges=hinges, length=0.0, curvature=file, twist=file)
+        chain, link = fl.lump(given), given.arm.links[0]
+        np.testing.assert_allclose(link.beam.frame, axes(0.0), atol=1e-12)
+        turned = fl.frames(chain, chain.rest).rotations[-1].T @ axes(10.0) @ axes(0.0).T
+        off = fl.tip_position(chain, chain.rest) - keys[-1, [2, 0, 1]]
+        errors.append([np.linalg.norm(off), Rotation.from_matrix(turned).magnitude()])
+    speed = quad(lambda z: np.sqrt(1 + (0.02 * z) ** 2 + (0.06 * np.sin(0.3 * z)) ** 2), 0.0, 10.0)
+    assert link.length == pytest.approx(speed[0], rel=1e-9)
+    assert max(errors[1]) < 2e-5
+    assert errors[0][0] / errors[1][0] == pytest.approx(4, rel=0.01)
+    assert scene_from(given.document()) == given
+
+
 @pytest.mark.slow
 def test_the_twisted_beam_of_beamdyn_from_its_blade_file(tmp_path: Path) -> None:
-    """10 m, 90° of twist, −4 MN along y at the tip: "bd_static_twisted_with_k1" of OpenFAST's regression tests.
+    """10 m, 90° of initial twist, −4 MN along y at the tip: "bd_static_twisted_with_k1" of OpenFAST's regression tests.
 
     BeamDyn's result there is within 1e-4 of the length of the rod by shooting; ours is within 1e-6. Its twist is
     positive about −z.
@@ -280,12 +326,15 @@ def test_the_twisted_beam_of_beamdyn_from_its_blade_file(tmp_path: Path) -> None
     M = np.diag([678.935] * 3 + [973.04, 972.86, 1945.9])
     M[0, 5] = M[5, 0] = -0.1154189
     M[2, 3] = M[3, 2] = 0.1154189
-    (tmp_path / "blade.dat").write_text(blade_file(K, M), encoding="utf-8")
-    table = fl.Rigidity(file=str(tmp_path / "blade.dat"))
+    (tmp_path / "a blade.dat").write_text(blade_file(K, M), encoding="utf-8")
+    keys, file = np.outer(np.arange(11.0), [0, 0, 1, 9]), str(tmp_path / "primary.dat")
+    (tmp_path / "primary.dat").write_text(primary_file(keys, 11), encoding="utf-8")
+    table, twist = fl.Rigidity(file=file), RestTwist(file=file)
+    assert table == fl.Rigidity(file=str(tmp_path / "a blade.dat"))
+    np.testing.assert_allclose(twist.rate, -np.pi / 20, rtol=1e-12)
     assert (table.x, table.relative, table.loss_time) == ((0.0, 1.0), True, 1e-3)
     coarse, fine = (
-        moved(scene(K, CENTRED, n, 10.0, twist=-np.pi / 20).varied({"rigidity.t": table}), [0.0, 0.0, -4e6])
-        for n in (32, 64)
+        moved(scene(K, CENTRED, n, 10.0, twist=twist).varied({"rigidity.t": table}), [0.0, 0.0, -4e6]) for n in (32, 64)
     )
     found = (4 * fine - coarse) / 3 - [10.0, 0.0, 0.0]
     np.testing.assert_allclose(found, [-1.14114462, 1.71810805, -3.59245231], atol=1e-3)
@@ -315,6 +364,45 @@ def test_a_blade_file_that_cannot_be_read_is_refused(
     assert part in str(caught.value)
     if id == "unequal-loss-times":
         assert fl.Rigidity(file=str(file), loss_time=3e-3).loss_time == 3e-3
+
+
+KEYS = np.column_stack([0.1 * np.arange(4.0) ** 2, np.zeros(4), np.arange(4.0), 5 * np.arange(4.0)])
+
+
+@pytest.mark.parametrize(
+    ("change", "part"),
+    [
+        (("4   kp_total", "5   kp_total"), "kp_total = 5; its members have 4"),
+        (("1   member_total", "1"), "the end: expected 1 number"),
+        (("1.500000000E+01", "x"), "line 12: '9.000000000E-01"),
+        (("(m) (m) (m) (deg)\n", ""), "line 12: '---- MATERIAL"),
+        (("  1  4  ", "  1  "), "line 6: '1 - Member number"),
+        (("kp_total", "kp"), "no kp_total; expected a primary input file of BeamDyn"),
+    ],
+)
+def test_a_primary_file_that_cannot_be_read_is_refused(tmp_path: Path, change: tuple[str, str], part: str) -> None:
+    file = tmp_path / "primary.dat"
+    file.write_text(primary_file(KEYS, 4).replace(*change), encoding="utf-8")
+    with refused(fl.errors.DataFileError, "blade-file") as caught:
+        RestTwist(file=str(file))
+    assert part in str(caught.value)
+
+
+def test_other_mistakes_with_a_primary_file_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, blade = tmp_path / "primary.dat", tmp_path / "a blade.dat"
+    file.write_text(primary_file(KEYS, 4), encoding="utf-8")
+    scene(length=0.0, curvature={"points": KEYS[:, [2, 0, 1]]}).save(tmp_path / "scene.toml")
+    code = main(["info", str(tmp_path / "scene.toml"), "--set", f"link.blade.twist={{file='{blade}'}}"])
+    assert code == 2
+    refused_line(capsys.readouterr().err, "cannot-read")
+    with refused(fl.errors.SceneError, "both-given"):
+        RestTwist(file=str(file), root=0.1)
+    blade.write_text("nothing", encoding="utf-8")
+    with refused(fl.errors.DataFileError, "blade-file"):
+        fl.Rigidity(file=str(file))
+    file.write_text(primary_file(KEYS[:3], 3), encoding="utf-8")
+    with refused(fl.errors.SceneError, "centre-line"):
+        RestCurvature(file=str(file))
 
 
 def changed(matrix: Array, row: int, column: int, value: float) -> Array:
@@ -364,3 +452,58 @@ def test_a_gauge_on_a_jump_of_a_relative_table_is_refused() -> None:
     with refused(fl.errors.SceneError, "gauge-on-jump") as caught:
         blade.varied({"sensor": [gauge]})
     assert "x = 1.996 or 2.004" in str(caught.value)
+
+
+COLUMNS = {"gj": 0.6, "ei_y": 1.3, "ei_z": 0.9, "ea": 40.0, "kga_y": 25.0, "kga_z": 34.0}
+
+
+def of_columns(factors: Any = (1.0, 0.5), **changed: Any) -> fl.Rigidity:
+    names = {**COLUMNS, **changed}
+    columns = {name: tuple(k * f for f in factors) for name, k in names.items() if k}
+    more = dict.fromkeys(("rho_a", "rho_i_y", "rho_i_z"), (1.0, 1.0))
+    return fl.Rigidity(x=(0.0, 1.0), **columns, **more)
+
+
+@pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
+@pytest.mark.parametrize("strains", [ALL, {"shear": True}, {"stretch": True}, {}])
+def test_columns_of_axial_and_shear_rigidity_are_those_of_a_matrix(flex: str, strains: dict[str, bool]) -> None:
+    K = np.array(
+        [k * np.diag([COLUMNS[name] for name in ("ea", "kga_y", "kga_z", "gj", "ei_y", "ei_z")]) for k in (1.0, 0.5)]
+    )
+    own = of_columns(k_yz=0.2)
+    K[:, 4, 5] = K[:, 5, 4] = own.k_yz
+    matrix = fl.Rigidity(x=own.x, stiffness=K, rho_a=own.rho_a, rho_i_y=own.rho_i_y, rho_i_z=own.rho_i_z)
+    gauge = fl.Sensor(name="g", kind="strain", link="blade", x=0.4, fibre=(0.1, 0.2))
+    found = []
+    for table in (own, matrix):
+        given = scene(flex=flex, shear=False, stretch=False).varied(
+            {f"link.blade.{key}": True for key in strains} | {"rigidity.t": table}
+        )
+        given = given.varied(
+            {"sensor": [gauge], "run.duration": 0.0, "wrench.force": (0.3, 0.2, 0.1), "initial.passive": "static"}
+        )
+        run = fl.simulate(given)
+        found.append([*fl.natural_frequencies(fl.lump(given)), *run.tip[0], run.columns["g [1]"][0]])
+    np.testing.assert_allclose(*found, rtol=1e-9, atol=1e-12)
+
+
+def test_a_bar_and_a_timoshenko_beam_of_columns_have_closed_forms() -> None:
+    given = scene(flex="z", shear=True, stretch=True, hinges=16).varied(
+        {"rigidity.t": of_columns((1.0, 1.0), gj=None, ei_y=None, kga_z=None)}
+    )
+    F = 1e-4
+    assert moved(given, [F, 0.0, 0.0])[0] == pytest.approx(1 + F / 40.0, rel=1e-14)
+    bent = F / (3 * 0.9) + F / 25.0
+    assert moved(given, [0.0, F, 0.0])[1] == pytest.approx(bent, rel=1e-8)
+
+
+def test_columns_of_axial_and_shear_rigidity_come_from_csv_files(tmp_path: Path) -> None:
+    text = "x [m],EI_z [N m²],EA [kN],kGA_y [N],kGA_z [N],rhoA [kg/m]\n0,9,2,3,4,1\n1,9,2,3,4,1\n"
+    (tmp_path / "t.csv").write_text(text, encoding="utf-8")
+    table = fl.Rigidity(file=str(tmp_path / "t.csv"))
+    assert (table.ea, table.kga_y, table.kga_z) == ((2e3, 2e3), (3.0, 3.0), (4.0, 4.0))
+    for absent in ("ea", "kga_z"):
+        with refused(fl.errors.SceneError, "strains-need-a-section"):
+            scene().varied({"rigidity.t": of_columns(**{absent: None})})
+    with refused(fl.errors.SceneError, "both-given"):
+        fl.Rigidity(x=(0.0, 1.0), stiffness=STIFF, mass=CENTRED, ea=(1.0, 1.0))

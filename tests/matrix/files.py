@@ -1,7 +1,9 @@
 """Claims about files, engines that read them, and units."""
 
+import io
 import re
 import tempfile
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +11,7 @@ import numpy as np
 
 import flexlink as fl
 from flexlink.describe.scene import scene_from
+from flexlink.describe.sensor import column_names
 from flexlink.formats import FORMATS
 from flexlink.identification.coordinates import unit_of
 from tests.matrix.case import Case, close
@@ -45,6 +48,16 @@ def formats(case: Case) -> None:
         for term in (fl.mass_matrix, fl.gravity_torque, fl.elastic_torque):
             np.testing.assert_array_equal(term(read, q), term(bare, q))
         np.testing.assert_array_equal(fl.friction_torque(read, qd), fl.friction_torque(bare, qd))
+
+
+def fmus(case: Case) -> None:
+    """An FMU of a scene has an output for each axis of its sensors."""
+    seen = fl.Sensor(name="seen", kind="position", link=case.scene.arm.links[-1].name)
+    scene = case.scene.varied({"sensor": (*case.scene.sensor, seen)})
+    archive = zipfile.ZipFile(io.BytesIO(fl.to_fmu(case.chain, case.start(), scene=scene, binary=False)))
+    known = re.findall(r'name="([^"]*)"[^>]*description="signal', archive.read("modelDescription.xml").decode())
+    own = [name.rpartition(" [")[0].replace(" ", ".") for name in column_names(scene.sensor, scene.arm)]
+    assert known == own
 
 
 def engines(case: Case) -> None:
