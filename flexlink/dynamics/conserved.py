@@ -16,8 +16,7 @@ from flexlink.common.products import cross
 from flexlink.common.types import Array
 from flexlink.dynamics.batches import each, is_batch, rows
 from flexlink.dynamics.result import Result
-from flexlink.kernels.bodies.energy import energies
-from flexlink.kernels.bodies.momentum import momenta
+from flexlink.kernels.bodies.energy import energies, momenta
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)

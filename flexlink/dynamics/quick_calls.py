@@ -10,13 +10,8 @@ from numpy.typing import ArrayLike
 from flexlink.chain.arguments import NO_WRENCH, require_type
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
+from flexlink.dynamics import derivatives
 from flexlink.dynamics.accelerations import accelerations, forward_dynamics
-from flexlink.dynamics.derivatives import (
-    forward_derivatives,
-    forward_dynamics_derivatives,
-    inverse_derivatives,
-    inverse_dynamics_derivatives,
-)
 from flexlink.dynamics.placement import ORIGIN, jacobian, jacobian_columns
 from flexlink.dynamics.terms import composite, inverse_dynamics, mass_matrix, newton_euler
 
@@ -36,8 +31,7 @@ class Dynamics:
     Parameters
     ----------
     chain
-        The chain. Its scratch is shared by all objects of one chain. Threads may share it too: Python's lock is held
-        during a call.
+        The chain. All objects of one chain share its scratch, also in threads: Python's lock is held during a call.
 
     Raises
     ------
@@ -73,11 +67,11 @@ class Dynamics:
         self.inverse_dynamics = _of_state(newton_euler(chain), (n,), functools.partial(inverse_dynamics, chain))
         self.mass_matrix = _of_position(composite(chain), (n, n), functools.partial(mass_matrix, chain))
         self.jacobian = _of_position(jacobian_columns(chain), (2, 3, n), _stacked(jacobian, chain), tip, ORIGIN)
-        of_torques = _stacked(inverse_dynamics_derivatives, chain)
-        self.inverse_dynamics_derivatives = _of_state(inverse_derivatives(chain), (3, n, n), of_torques)
-        of_accelerations = _stacked(forward_dynamics_derivatives, chain)
+        of_torques = _stacked(derivatives.inverse_dynamics_derivatives, chain)
+        self.inverse_dynamics_derivatives = _of_state(derivatives.inverse_derivatives(chain), (3, n, n), of_torques)
+        of_accelerations = _stacked(derivatives.forward_dynamics_derivatives, chain)
         if chain.shapes is None:  # as in the public function
-            of_accelerations = _of_state(forward_derivatives(chain), (3, n, n), of_accelerations)
+            of_accelerations = _of_state(derivatives.forward_derivatives(chain), (3, n, n), of_accelerations)
         self.forward_dynamics_derivatives = of_accelerations
 
     def __reduce__(self) -> tuple[Any, ...]:

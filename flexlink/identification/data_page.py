@@ -21,7 +21,7 @@ from flexlink.identification.likelihood import Row, likelihood
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.signals import Signals
 from flexlink.pages.colours import BLUE, GREY, INK, ORANGE, PALE, VERMILION
-from flexlink.pages.part import Part
+from flexlink.pages.page import Part
 from flexlink.pages.picture import Picture, picture_of
 from flexlink.pages.style import stacked_axes
 from flexlink.pages.tables import Table

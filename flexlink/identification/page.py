@@ -21,8 +21,7 @@ from flexlink.identification.problem import FitProblem
 from flexlink.identification.proposals import Proposals
 from flexlink.pages.colours import INK
 from flexlink.pages.numbers import JOIN, amount, number
-from flexlink.pages.page import write_page
-from flexlink.pages.part import Part, written
+from flexlink.pages.page import Part, write_page, written
 from flexlink.pages.picture import Picture, picture_of
 from flexlink.pages.style import RC, stacked_axes
 from flexlink.pages.tables import Cell, Table, columns_csv

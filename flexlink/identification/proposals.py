@@ -13,7 +13,7 @@ from flexlink.describe.writing import toml_of, without_defaults
 from flexlink.identification.candidates import Addition, Candidate
 from flexlink.identification.identifiability import WIDE, Check, Direction
 from flexlink.identification.problem import FitModes, FitParameter, FitRun
-from flexlink.pages.part import Part
+from flexlink.pages.page import Part
 from flexlink.pages.tables import Cell, Table
 
 

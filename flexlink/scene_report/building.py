@@ -12,8 +12,7 @@ import numpy as np
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import begin_page
 from flexlink.data.documents import read_toml
-from flexlink.pages.page import write_page
-from flexlink.pages.part import Part, written
+from flexlink.pages.page import Part, write_page, written
 from flexlink.pages.style import RC
 from flexlink.pages.verdict import Chapter, Fact, Report, Verdict
 from flexlink.scene_report.study import Study

@@ -15,7 +15,7 @@ from scipy.optimize import root
 import flexlink as fl
 from flexlink.dynamics.vibration.modal import Modes
 from flexlink.pages.numbers import JOIN
-from flexlink.pages.part import Part
+from flexlink.pages.page import Part
 from flexlink.results.convergence import resolved
 from flexlink.scene_report import building
 from flexlink.scene_report.parts import loads, vibration

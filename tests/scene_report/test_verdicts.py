@@ -12,7 +12,7 @@ import pytest
 import flexlink as fl
 from flexlink.advice.model_runner import Outcome, Stepping
 from flexlink.diagnosis.trajectories import MEANINGFUL_TOLERANCE, RunDifference
-from flexlink.pages.part import Part
+from flexlink.pages.page import Part
 from flexlink.results.convergence import Limit
 from flexlink.scene_report.refinement import Choice
 from flexlink.scene_report.study import Study

@@ -17,8 +17,7 @@ For each joint, `servo` contains k_i, v_max, a, J, and `filters` the rows (Î¦, Î
 is I, u, z; in each row of `held`, the memories of all joints follow the d torques.
 """
 
-from flexlink.kernels.bodies.rigid_model import model_torque
-from flexlink.kernels.inputs.laws import CASCADE_GRAVITY
+from flexlink.kernels.inputs.laws import CASCADE_GRAVITY, model_torque
 from flexlink.kernels.inputs.references import reference
 from flexlink.kernels.tools.compiler import entry, inlined, recursion, shared
 from flexlink.kernels.tools.lanes import LANES, clip

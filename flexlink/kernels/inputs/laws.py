@@ -13,12 +13,34 @@ Piecewise constant torques jump at their knots. A step uses the piece at its mid
 is not affected by a jump there.
 """
 
-from flexlink.kernels.bodies.rigid_model import model_torque
+from typing import Any, NamedTuple
+
+from flexlink.kernels.bodies.rne import rne
 from flexlink.kernels.inputs.references import locate, reference
 from flexlink.kernels.tools.compiler import inlined, subroutine
 from flexlink.kernels.tools.lanes import LANES, at, clipped, put_at, zero_of
+from flexlink.kernels.tools.vec3 import vector
 
 TABLE, PD, PD_GRAVITY, COMPUTED_TORQUE, CASCADE, CASCADE_GRAVITY = range(6)
+
+
+class RigidModel(NamedTuple):
+    """Model of the arm for its controller, one rigid link outboard of every driven joint: d hinges; motion, torques."""
+
+    chain: Any
+    rne: Any
+    wrench: Any  # (6,) zeros
+    q: Any  # (d,), like the next three
+    qd: Any
+    qdd: Any
+    tau: Any
+
+
+@inlined
+def model_torque(model):
+    """Write τ = M q̈ + T_GC of the model, for its q, q̇ and q̈."""
+    gravity = vector(model.chain.gravity)
+    rne(model.chain, gravity, model.wrench, model.q, model.qd, model.qdd, model.tau, model.rne)
 
 
 @inlined

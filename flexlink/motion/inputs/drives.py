@@ -17,10 +17,9 @@ from flexlink.describe.scene import Scene, bare_and_rigid
 from flexlink.dynamics.filters import linear_filter, transition
 from flexlink.dynamics.forces import Gains
 from flexlink.dynamics.terms import gravity_torque
-from flexlink.kernels.bodies.rigid_model import RigidModel
 from flexlink.kernels.bodies.rne import rne_workspace
 from flexlink.kernels.inputs.drive_torque import drive_slopes
-from flexlink.kernels.inputs.laws import CASCADE, CASCADE_GRAVITY, COMPUTED_TORQUE, PD, PD_GRAVITY, TABLE
+from flexlink.kernels.inputs.laws import CASCADE, CASCADE_GRAVITY, COMPUTED_TORQUE, PD, PD_GRAVITY, TABLE, RigidModel
 from flexlink.kernels.inputs.record import Drive, PiecewisePolynomial
 from flexlink.kernels.layout import BODY, HINGE
 from flexlink.kernels.tools.lanes import LANES

@@ -8,7 +8,7 @@ import numpy as np
 from flexlink.advice.verdict import length
 from flexlink.pages.colours import BLUE, CYCLE, GREY, INK, MARKERS
 from flexlink.pages.numbers import number, percent
-from flexlink.pages.part import Part
+from flexlink.pages.page import Part
 from flexlink.pages.picture import Picture, picture_of
 from flexlink.pages.style import legend_over, stacked_axes
 from flexlink.pages.tables import Table, table_csv

@@ -10,7 +10,7 @@ from flexlink.diagnosis.trajectories import MEANINGFUL_TOLERANCE, RunDifference,
 from flexlink.engines import ENGINES
 from flexlink.pages.colours import engine_name
 from flexlink.pages.numbers import number
-from flexlink.pages.part import Part
+from flexlink.pages.page import Part
 from flexlink.pages.tables import Table
 from flexlink.pages.verdict import State, Verdict
 from flexlink.scene_report.study import Study

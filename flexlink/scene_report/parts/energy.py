@@ -4,7 +4,7 @@ import numpy as np
 
 from flexlink.dynamics import rounding
 from flexlink.pages.numbers import number, percent
-from flexlink.pages.part import Part
+from flexlink.pages.page import Part
 from flexlink.pages.picture import Picture, picture_of
 from flexlink.pages.style import stacked_axes, tidy_linear
 from flexlink.pages.verdict import State, Verdict

@@ -6,7 +6,7 @@ import numpy as np
 
 from flexlink.pages.colours import CYCLE
 from flexlink.pages.numbers import number
-from flexlink.pages.part import Part
+from flexlink.pages.page import Part
 from flexlink.pages.picture import Picture, picture_of
 from flexlink.pages.style import NAMED_CURVES, stacked_axes
 from flexlink.pages.tables import Cell, Table

@@ -9,7 +9,7 @@ from flexlink.common.wording import plural
 from flexlink.data.csv_table import head_of, read_measured
 from flexlink.pages.colours import BLUE, GREY, VERMILION
 from flexlink.pages.numbers import number, percent
-from flexlink.pages.part import Part
+from flexlink.pages.page import Part
 from flexlink.pages.picture import Picture, picture_of
 from flexlink.pages.style import stacked_axes
 from flexlink.pages.tables import Cell, Table

@@ -11,7 +11,7 @@ from flexlink.describe.plausibility.hints import hints
 from flexlink.dynamics.notes import defaults, notes
 from flexlink.dynamics.placement import frames
 from flexlink.pages.numbers import number
-from flexlink.pages.part import Part
+from flexlink.pages.page import Part
 from flexlink.pages.picture import Picture
 from flexlink.pages.tables import Cell, Table, table_csv
 from flexlink.scene_report.arm_picture import plot_chain

@@ -6,7 +6,7 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.dynamics.placement import frames
 from flexlink.pages.colours import CYCLE, GREY
 from flexlink.pages.numbers import number
-from flexlink.pages.part import Part
+from flexlink.pages.page import Part
 from flexlink.pages.picture import Picture, picture_of
 from flexlink.pages.style import colour_along, stacked_axes
 from flexlink.pages.tables import columns_csv, table_csv

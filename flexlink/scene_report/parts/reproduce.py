@@ -5,7 +5,7 @@ import os
 import platform
 
 from flexlink.common.versions import processor, system, versions
-from flexlink.pages.part import Part
+from flexlink.pages.page import Part
 from flexlink.pages.tables import Cell, Table
 from flexlink.scene_report.study import Study
 

@@ -9,7 +9,7 @@ from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.vibration.steady import rest_of
 from flexlink.pages.colours import BLUE, GREY, INK
 from flexlink.pages.numbers import number
-from flexlink.pages.part import Part
+from flexlink.pages.page import Part
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import stacked_axes
 from flexlink.pages.tables import Table, table_csv

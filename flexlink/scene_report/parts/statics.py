@@ -8,7 +8,7 @@ from flexlink.dynamics.equilibrium import buckling_loads
 from flexlink.dynamics.placement import frames, tip_position, unbent
 from flexlink.dynamics.terms import bias_torque
 from flexlink.pages.numbers import number
-from flexlink.pages.part import Part
+from flexlink.pages.page import Part
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import legend_over
 from flexlink.pages.tables import Table, table_csv

@@ -1,7 +1,7 @@
 """The same arm in a third-party file: agreement, differences, and the likely mistakes."""
 
 from flexlink.diagnosis.comparison import compare
-from flexlink.pages.part import Part
+from flexlink.pages.page import Part
 from flexlink.pages.tables import Table
 from flexlink.pages.verdict import Verdict
 from flexlink.scene_report.study import Study

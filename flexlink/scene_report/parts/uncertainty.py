@@ -9,7 +9,7 @@ from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.vibration.modal import modes
 from flexlink.motion.intervals import Intervals, intervals, names_at_rest, of_run
 from flexlink.pages.numbers import number
-from flexlink.pages.part import Part
+from flexlink.pages.page import Part
 from flexlink.pages.tables import Cell, Table
 from flexlink.pages.verdict import Fact
 from flexlink.scene_report.study import Study

@@ -4,7 +4,7 @@ import numpy as np
 
 from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.pages.numbers import number
-from flexlink.pages.part import Part
+from flexlink.pages.page import Part
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import WIDTH
 from flexlink.pages.tables import Cell, Table, table_csv
