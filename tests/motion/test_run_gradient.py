@@ -170,6 +170,17 @@ def test_slopes_that_overflow_are_refused_and_smaller_ones_are_not() -> None:
     np.testing.assert_allclose(found.dtau, 1e100 * unit.dtau, rtol=1e-9)
 
 
+def test_both_remedies_of_a_gradient_that_is_not_found_help() -> None:
+    """Slopes of 3e157 overflow at steps of 2 ms; those of 1e156 do not, nor those of 3e157 at steps of 0.1 ms."""
+    coarse, fine = (fl.simulate(arm(**{"run.method": "Radau5", **LONG, "run.step": h})) for h in (2e-3, 1e-4))
+    with refused(SceneError, "gradient-not-found"):
+        fl.run_gradient(coarse, np.full_like(coarse.q, 3e157))
+    unit = fl.run_gradient(coarse, np.ones_like(coarse.q)).dtau
+    for run, size in ((coarse, 1e156), (fine, 3e157)):
+        found = fl.run_gradient(run, np.full_like(run.q, size)).dtau / size
+        np.testing.assert_allclose(found, unit, rtol=0, atol=1e-3 * np.abs(unit).max())
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(25))
 @pytest.mark.parametrize("random_scene", [random_arm, random_tree])
