@@ -98,6 +98,8 @@ def run_gradient(run: Trajectory, dq: ArrayLike | None = None, dqd: ArrayLike | 
     inputs = input_arrays(scene, chain)
     refuse_without_gradient(scene, chain, inputs.drive)
     given = np.array([_slopes("dq", dq, run.q.shape), _slopes("dqd", dqd, run.q.shape)])
+    size = int(np.frexp(np.abs(given).max(initial=0.0))[1])  # a power of two, so that no product over- or underflows
+    given = np.ldexp(given, -size)
     h, every, λ, dtau = scene.run.fixed_step, scene.run.steps_per_sample, given[:, -1].copy(), np.empty_like(run.q[1:])
     work, samples = workspace_for(scene, chain), ((run.q, run.qd), given, λ, dtau)
     if steps_explicitly(scene.run):
@@ -108,11 +110,15 @@ def run_gradient(run: Trajectory, dq: ArrayLike | None = None, dqd: ArrayLike | 
         row = go_back_implicitly(work, weights, *_implicit_steps(run, problem_of(scene, chain, inputs)), *samples)
     if row < -1:
         why = f"run.step = {h!r}: the adjoint of a step after t = {run.t[-2 - row]:.6g} s does not converge"
-        raise SceneError(f"{why}; give a smaller run.step, or smaller dq and dqd", id="gradient-not-found")
+        raise SceneError(f"{why}; give a smaller run.step", id="gradient-not-found")
     if row >= 0:
         why = f"run: sample {row + 1} does not follow from its scene; a law in Python or another machine made it"
         raise ArgumentError(f"{why}; repeat it by simulate(run.scene)", id="run-not-repeatable")
-    return RunGradient(dtau[:, chain.active], λ[0], λ[1])
+    with np.errstate(over="ignore"):
+        found = [np.ldexp(part, size) for part in (dtau[:, chain.active], *λ)]
+    if not all(np.isfinite(part).all() for part in found):
+        raise ArgumentError("dq, dqd: the gradient overflows float64; give smaller ones", id="overflow")
+    return RunGradient(*found)
 
 
 def _implicit_steps(run: Trajectory, problem: InitialValueProblem) -> tuple[object, ...]:
@@ -122,7 +128,10 @@ def _implicit_steps(run: Trajectory, problem: InitialValueProblem) -> tuple[obje
     steps.aim(*starts[[0, -1]].tolist())
     steps.count[COUNT.row] = len(run.t)  # no step writes a sample
     passed = np.searchsorted(steps.knots[0], starts, "right")
-    most = 2 * (problem.run.steps_per_sample + int(np.diff(passed).max(initial=0))) + 1000  # steps that are divided
+    every, between = problem.run.steps_per_sample, int(np.diff(passed).max(initial=0))
+    taken = 0 if run.steps is None else run.steps.taken
+    divided = max(0, taken - every * (len(run.t) - 1))  # steps more than planned, in all samples together
+    most = 2 * (every + between) + divided + 1000
     return steps.arguments(1), len(friction_laws(steps.work)), most, passed, starts
 
 
