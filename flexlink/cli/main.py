@@ -228,7 +228,8 @@ def build_parser(words: Container[str] | None = None) -> argparse.ArgumentParser
         )  # fmt: skip
         if words is not None and name not in words:
             continue
-        loaded = importlib.import_module(f"flexlink.cli.{'import_robot' if name == 'import' else name}")
+        file = {"import": "import_robot", "reduce": "advise"}.get(name, name)
+        loaded = importlib.import_module(f"flexlink.cli.{file}")
         command.set_defaults(module=loaded)
         _add_arguments(command, name, vars(loaded))
     return parser

@@ -19,8 +19,7 @@ from flexlink.describe.spec import NonNegative, Positive, Spec, build_unchecked,
 
 COLUMNS = {
     "ei_y": "N m²", "ei_z": "N m²", "gj": "N m²", "k_xy": "N m²", "k_xz": "N m²", "k_yz": "N m²",
-    "ea": "N", "kga_y": "N", "kga_z": "N",
-    "rho_a": "kg/m", "rho_i_y": "kg m", "rho_i_z": "kg m",
+    "ea": "N", "kga_y": "N", "kga_z": "N", "rho_a": "kg/m", "rho_i_y": "kg m", "rho_i_z": "kg m",
 }  # fmt: skip
 """Columns of a table other than x, with units."""
 HELD = {"z": ("ei_z",), "yz": ("ei_y", "ei_z"), "xyz": ("ei_y", "ei_z", "gj")}
@@ -235,10 +234,8 @@ class Rigidity(Spec, frozen=True):
 def _columns(file: Path) -> dict[str, tuple[float, ...]]:
     """Columns of a file by key; an unknown header is an error, because ignoring it silently would hide a mistake."""
     tiny = float(np.finfo(np.float64).tiny)
-    # headers of a CSV file, and their keys
-    heads = {"EI_y": "ei_y", "EI_z": "ei_z", "GJ": "gj", "rhoA": "rho_a", "rhoI_y": "rho_i_y", "rhoI_z": "rho_i_z"}
-    heads |= {f"K_{axes}": f"k_{axes}" for axes in ("xy", "xz", "yz")}
-    heads |= {"EA": "ea", "kGA_y": "kga_y", "kGA_z": "kga_z"}
+    known = ["EI_y", "EI_z", "GJ", "K_xy", "K_xz", "K_yz", "EA", "kGA_y", "kGA_z", "rhoA", "rhoI_y", "rhoI_z"]
+    heads = {head: head.replace("rho", "rho_").casefold() for head in known}
     table = read_csv(file)
     given = [head_of(head)[0] for head in table.heads]
     for head, quantity in zip(table.heads, given, strict=True):

@@ -10,8 +10,7 @@ from flexlink.common.types import Array, Indices
 from flexlink.dynamics import rounding
 from flexlink.dynamics.forces import about, damping_slope
 from flexlink.kernels.derivatives.small_motion import HINGE, mass_products, multiply, set_state, small_motion
-from flexlink.kernels.derivatives.small_motion_cells import cells_workspace
-from flexlink.kernels.derivatives.small_motion_factors import factor, solve
+from flexlink.kernels.derivatives.small_motion_factors import cells_workspace, factor, solve
 from flexlink.kernels.forces.elements import POTENTIALS
 
 K_ALONE, C_ALONE, M_ALONE = np.eye(3)  # weights that select one matrix in the weighted sum of K, C and M

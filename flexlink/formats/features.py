@@ -67,9 +67,6 @@ def storage_note(target: Path, missing: Mapping[str, str], *, format: str) -> Di
     for name, instead in missing.items():
         if name != "drive torques" or "control law" not in missing:
             groups.setdefault(instead, []).append(name)
-    sentences = ". It cannot store the ".join([f"{_and(features)}: {instead}" for instead, features in groups.items()])
-    return Diagnostic(f"{shown_path(target)}: {format.upper()} cannot store the {sentences}", "format-cannot-store")
-
-
-def _and(items: list[str]) -> str:
-    return " and ".join([", ".join(items[:-1]), items[-1]] if len(items) > 1 else items)
+    listed = [f"{' and '.join(', '.join(names).rsplit(', ', 1))}: {instead}" for instead, names in groups.items()]
+    text = f"{shown_path(target)}: {format.upper()} cannot store the {'. It cannot store the '.join(listed)}"
+    return Diagnostic(text, "format-cannot-store")

@@ -129,8 +129,7 @@ def _implicit_steps(run: Trajectory, problem: InitialValueProblem) -> tuple[obje
     steps.count[COUNT.row] = len(run.t)  # no step writes a sample
     passed = np.searchsorted(steps.knots[0], starts, "right")
     every, between = problem.run.steps_per_sample, int(np.diff(passed).max(initial=0))
-    taken = 0 if run.steps is None else run.steps.taken
-    divided = max(0, taken - every * (len(run.t) - 1))  # steps more than planned, in all samples together
+    divided = max(0, (run.steps.taken if run.steps else 0) - every * (len(run.t) - 1))  # beyond those planned
     most = 2 * (every + between) + divided + 1000
     return steps.arguments(1), len(friction_laws(steps.work)), most, passed, starts
 
