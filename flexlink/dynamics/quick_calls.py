@@ -35,7 +35,7 @@ class Dynamics:
     Parameters
     ----------
     chain
-        The chain. Its scratch is shared by all objects of one chain. Threads may share it too: Python's lock is held
+        The chain. Its scratch is shared by all objects of one chain. Threads may also share it: Python's lock is held
         during a call.
 
     Raises
@@ -90,14 +90,14 @@ def _of_state(kernel: Any, shape: int | tuple[int, ...], checked: OfState) -> Of
     """The kernel as a function of a state; states of another form go to the checked function."""
     quick, new = kernel.quick, np.empty
 
-    def function(q: ArrayLike, qd: ArrayLike, third: ArrayLike) -> Array:
+    def function(q: ArrayLike, qd: ArrayLike, tau_or_qdd: ArrayLike) -> Array:
         found = new(shape)
         try:
-            if quick(NO_WRENCH, q, qd, third, found):
+            if quick(NO_WRENCH, q, qd, tau_or_qdd, found):
                 return found
         except ValueError:  # an empty list
             pass
-        return checked(q, qd, third)
+        return checked(q, qd, tau_or_qdd)
 
     return function
 
