@@ -34,7 +34,8 @@ def vector(
         value = real_array(name, value, (size,))
     if value.shape != (size,):
         also = f", or (b, {size}) for b states: one number per joint and hinge (chain.joint_names)" if many else ""
-        raise ArgumentError(f"{name} has shape {value.shape}; expected ({size},){also}{meaning()}", id="wrong-shape")
+        also += f": give one row, such as {name}[-1]" if value.shape[1:] == (size,) else meaning()
+        raise ArgumentError(f"{name} has shape {value.shape}; expected ({size},){also}", id="wrong-shape")
     if finite and not is_finite(value):
         k = int(np.argmin(np.isfinite(value)))
         raise ArgumentError(f"{name}[{k}] = {value[k]} is not finite; expected {size} finite numbers", id="not-finite")
@@ -104,10 +105,11 @@ def refuse_call(function: Callable[..., object], why: str, named: Iterable[str] 
     """Refuse a call that does not fit a function: what it takes in order and by name, and an example if known."""
     known = inspect.signature(function).parameters
     by_name = ", ".join(f"{each.name}=" for each in known.values() if each.kind is each.KEYWORD_ONLY)
-    in_order = ", ".join(each.name for each in known.values() if each.kind is each.POSITIONAL_OR_KEYWORD)
+    in_order = [name for name, each in known.items() if each.kind is each.POSITIONAL_OR_KEYWORD and name != "self"]
     near = next((did_you_mean(name, known) for name in named if name not in known), "")
     example = read_toml(Path(__file__).with_name("conversions.toml"))["call"].get(function.__name__, "")
-    text = f"{function.__name__}: {why}{near}; it takes {in_order}{', and by name ' if by_name else ''}{by_name}"
+    by_name = f"{'and ' * bool(in_order)}by name {by_name}" if by_name else ""
+    text = f"{function.__name__}: {why}{near}; it takes {', '.join(filter(None, (*in_order, by_name)))}"
     raise ArgumentError(f"{text}{'; such as ' if example else ''}{example}", id="wrong-arguments") from None
 
 
@@ -123,14 +125,16 @@ def sequence(name: str, values: object, item: str) -> list[Any]:
             return list(values)  # type: ignore[call-overload, no-any-return]
     except TypeError:  # also for 0-d arrays, which have an __iter__
         pass
-    raise ArgumentError(f"{name} = {truncated(values)}: expected a sequence, each item a {item}", id="wrong-type")
+    one = f"; for one, give [{truncated(values)}]" if isinstance(values, str) else ""
+    raise ArgumentError(f"{name} = {truncated(values)}: expected a sequence, each item a {item}{one}", id="wrong-type")
 
 
 def integer(name: str, value: object, least: int, most: int | None = None) -> int:
     """Return `value` as an int from `least` to `most`, or refuse it."""
     number = number_of(value)
     if type(number) is not int:
-        text = f"{name} = {truncated(value)}: must be an integer, got {type(value).__name__}"
+        remedy = read_toml(Path(__file__).with_name("conversions.toml"))["integer"].get(name, "")
+        text = f"{name} = {truncated(value)}: must be an integer, got {type(value).__name__}{remedy}"
         raise ArgumentError(text, id="not-an-integer")
     if number < least or (most is not None and number > most):
         allowed = f"at least {least}" if most is None else f"{least} … {most}"

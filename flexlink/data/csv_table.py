@@ -146,7 +146,7 @@ def read_csv(path: Path) -> CsvTable:
             raise DataFileError(why, id="not-csv")
     heads = [head.strip() for head in heads]
     if not any(head_of(head)[1] for head in heads):  # may be another kind of file, so do not quote its content
-        why = f"{path}: no name with its unit in the first line, such as {TIME!r}; expected a CSV file with both"
+        why = f"{path}: no name with its unit in the first line; expected names such as {TIME!r} and 'tip z [m]'"
         raise DataFileError(why, id="not-csv")
     rows = np.array([_numbers(path, number, line, heads) for number, line in lines], dtype=np.float64)
     return CsvTable(path, tuple(heads), rows.reshape(len(lines), len(heads)), [number for number, _ in lines])

@@ -38,7 +38,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     if text.lstrip().startswith("<"):
         raise SceneError(f"{path}: is XML; import it first: flexlink import {path}", id="is-xml")
     if path.suffix.lower() == ".csv":
-        raise SceneError(f"{path}: is a table of numbers; expected a TOML file", id="not-toml")
+        raise SceneError(f"{path}: is a table of numbers; expected a TOML file that names it", id="not-toml")
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: TOMLDecodeError, or an integer of 5000 digits

@@ -155,7 +155,8 @@ class Arm(Spec, frozen=True):
             text = f"{path}: has no {what}; add it, or stiffness 6 × 6, or use a material and a section"
             yield Diagnostic(text, "strains-need-a-section")
         if why := wrong_end(table.x[-1] * (link.beam.length if table.relative else 1.0), link.beam.length):
-            yield Diagnostic(f"{path}: {why}", "rigidity-table")
+            parts = "; if x is from 0 to 1, give relative = true" if table.x[-1] == 1 else ""
+            yield Diagnostic(f"{path}: {why}{parts}", "rigidity-table")
 
     def _wrong_drag(self, k: int, link: Link) -> Iterator[Diagnostic]:
         """Report a link with drag whose length or breadth is missing."""

@@ -5,8 +5,9 @@ from typing import Annotated, Literal
 import msgspec
 
 from flexlink.common.errors import SceneError
-from flexlink.common.wording import both_given, missing, truncated
+from flexlink.common.wording import both_given, missing
 from flexlink.describe import spec
+from flexlink.describe.expected import kinds_of
 from flexlink.describe.filters import Filter
 from flexlink.describe.numbers import check_table
 from flexlink.describe.reference import Reference
@@ -112,22 +113,15 @@ class Drive(spec.Spec, frozen=True):
         super().__post_init__()
         in_deg = self.target_deg is not None or self.target_m is None
         towards = ("target_deg" if in_deg else "target_m") if self.reference is None else "reference"
-        wanted = {
-            "none": (), "constant": ("torque",), "table": ("times", "torques") if self.file is None else ("file",),
-            "pd": ("kp", "kd", towards), "computed_torque": ("kp", "kd", towards),
-            "cascade": ("kp", "kd", "rate", towards),
-        }[self.kind]  # fmt: skip
-        of_cascade = ("ki", "rate_feedforward", "inertia", "max_rate_deg", "max_rate_m")
-        may: tuple[str, ...] = ("target_m",) if towards == "target_deg" in wanted else ()
-        may += ("times", "torques", "file") if self.kind in {"pd", "cascade"} else ()
-        may += of_cascade if self.kind == "cascade" else ()
-        for name in ("torque", "times", "torques", "file", "kp", "kd", "target_deg", "target_m", "reference"):
+        needs, also, _ = kinds_of("drive")[self.kind]
+        wanted = ("file",) if self.kind == "table" and self.file else (*map({"target": towards}.get, needs, needs),)
+        may = (*also, *("target_m",) * (towards == "target_deg" in wanted))
+        for name in (
+            "torque", "times", "torques", "file", "kp", "kd", "target_deg", "target_m", "reference",
+            "rate", "ki", "rate_feedforward", "inertia", "max_rate_deg", "max_rate_m",
+        ):  # fmt: skip
             self._check_key(name, wanted, may)
-        for name in of_cascade:
-            self._check_key(name, wanted, may, f"; {name} belongs to kind 'cascade'")
-        if self.kind == "cascade":
-            self._check_key("rate", wanted, ())
-        elif self.filter:
+        if self.filter and self.kind != "cascade":
             raise SceneError("filter: needs drive kind 'cascade'", id="key-of-another-kind")
         if self.file is None:
             check_table(self.times, {"torques": self.torques}, smooth=self.smooth, hold=self.hold)
@@ -135,8 +129,6 @@ class Drive(spec.Spec, frozen=True):
             raise self._refused("gravity", "needs drive kind 'pd' or 'cascade'", "needs-pd")
         if self.kind in {"pd", "cascade"}:
             self._check_feedforward()
-        if self.rate is not None and self.kind == "none":
-            raise self._refused("rate", "has no effect with drive kind 'none'; leave rate out", "no-effect")
         if self.delay and self.rate is None:
             why = "needs rate, the sampling rate of the controller [Hz], such as rate = 1000"
             raise self._refused("delay", why, "needs-another-key")
@@ -146,8 +138,8 @@ class Drive(spec.Spec, frozen=True):
         """Whether the torques depend on the motion of the joints."""
         return self.kind in {"pd", "computed_torque", "cascade"}
 
-    def _check_key(self, name: str, wanted: tuple[str, ...], may: tuple[str, ...], other: str = "") -> None:
-        """Check that a key is given if it is wanted, and only if it is wanted or allowed, by an `other` kind."""
+    def _check_key(self, name: str, wanted: tuple[str, ...], may: tuple[str, ...]) -> None:
+        """Check that a key is given if it is wanted, and only if it is wanted or allowed."""
         value = getattr(self, name)
         if (value is not None) == (name in wanted) or name in may:
             return
@@ -155,10 +147,12 @@ class Drive(spec.Spec, frozen=True):
             raise both_given(name, value, "reference")
         forms = {"target_deg": "target_deg or reference (target_m for prismatic joints)", "rate": "rate [Hz]"}
         takes = ", ".join(forms.get(key, key) for key in wanted) or "nothing else"
-        takes = f"drive kind {self.kind!r} takes {takes}"
+        takes = f"drive kind {self.kind!r}{', the default,' * (self.kind == 'none')} takes {takes}"
         if value is None:
             raise missing(name, takes)
-        raise SceneError(f"{name} = {truncated(value)}: {takes}{other}", id="key-of-another-kind")
+        known, aim = kinds_of("drive").items(), "target" if name in {"target_deg", "target_m", "reference"} else name
+        of = ", ".join(repr(kind) for kind, keys in known if kind != self.kind and aim in (*keys[0], *keys[1]))
+        raise self._refused(name, f"{takes}; leave {name} out, or choose its kind, {of}", "key-of-another-kind")
 
     def _check_feedforward(self) -> None:
         """Check the feedforward table of a pd or cascade drive."""

@@ -11,7 +11,8 @@ from flexlink.data.documents import read_toml
 
 
 @cache
-def _words() -> dict[str, Any]:
+def words() -> dict[str, Any]:
+    """Common mistakes in scenes, and what to write instead."""
     return read_toml(Path(__file__).parent / "data" / "expected.toml")
 
 
@@ -24,7 +25,7 @@ def limits() -> dict[str, dict[str, Any]]:
 
 @cache
 def kinds_of(what: str) -> dict[str, tuple[list[str], list[str], str]]:
-    """Keys that each kind of a "sensor", "tie" or "reference" needs, keys that it may have, and a sensor's unit."""
+    """Keys that each kind of a "sensor", "tie", "drive", "reference" needs, and may have, and a sensor's unit."""
     rows = read_toml(Path(__file__).parent / "data" / "kinds.toml")[what]
     return {kind: (needs, may, "".join(unit)) for kind, (needs, may, *unit) in rows.items()}
 
@@ -45,7 +46,7 @@ def expected(where: str, kind: Any, value: object, reason: str, units: Sequence[
 def _allowed(where: str, kind: Any, value: object) -> str:
     """Values allowed by a `Literal` annotation, with their meaning or a suggestion (unless `why_not` has one)."""
     allowed = get_args(kind) if get_origin(kind) is Literal else ()
-    meaning = _words()["meaning"].get(where.rpartition(".")[2], "")
+    meaning = words()["meaning"].get(where.rpartition(".")[2], "")
     suggestion = meaning or ("" if why_not("", value) else did_you_mean(value, allowed))
     return "allowed are " + ", ".join(map(repr, allowed)) + suggestion if allowed else ""
 
@@ -53,7 +54,7 @@ def _allowed(where: str, kind: Any, value: object) -> str:
 def _three_numbers(where: str, kind: Any, value: object) -> str:
     """Text for keys that expect three numbers, with an example (the axis named by `value`, if any), else empty."""
     directions = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-    known = _words()["three_numbers"].get(where.rpartition(".")[2].partition("[")[0])
+    known = words()["three_numbers"].get(where.rpartition(".")[2].partition("[")[0])
     if kind != tuple[float, float, float] or known is None or (isinstance(value, list) and list in map(type, value)):
         return ""
     unit, example = known["unit"], known["example"]
@@ -65,7 +66,7 @@ def _three_numbers(where: str, kind: Any, value: object) -> str:
 def _as_written(where: str, value: object) -> str:
     """Example of a key's list or table, if a single value was given; empty for other keys."""
     above, _, key = where.partition("[")[0].rpartition(".")
-    row = _words()["written"].get("flexible" if above == "flexible" else key, {})
+    row = words()["written"].get("flexible" if above == "flexible" else key, {})
     given = float if isinstance(value, int | float) else type(value)
     wanted: str = row["expected"] if given.__name__ in row.get("type", "").split() else row.get(given.__name__, "")
     return wanted
@@ -82,7 +83,7 @@ def _in_words(reason: str, value: object, unit: str) -> str:
     if kinds is None:
         return (reason[:1].lower() + reason[1:]).replace("`", "")
     wanted = [name for name in kinds[1].split(" | ") if name != "null"]
-    called = _words()["called"]
+    called = words()["called"]
     text = " or ".join(called.get(name, name) for name in wanted)
     if unit and wanted == ["float"]:
         text += f" in {unit}"
@@ -98,15 +99,15 @@ def _in_words(reason: str, value: object, unit: str) -> str:
 
 
 @cache
-def _instead(words: str) -> dict[str, str]:
-    """Suggested alternatives to unknown keys or to values, by word; `words` is "keys" or "values"."""
-    return {word: row["text"] for row in (*_words()["instead"], *limits().values()) for word in row.get(words, ())}
+def _instead(of: str) -> dict[str, str]:
+    """Suggested alternatives to unknown keys or to values, by word; `of` is "keys" or "values"."""
+    return {word: row["text"] for row in (*words()["instead"], *limits().values()) for word in row.get(of, ())}
 
 
 def why_not(key: str, value: object, near: str = "") -> str:
     """End of a message on an unknown key or a wrong value; a key of another table is named only if no key is `near`."""
     by_value = _instead("values").get(value.casefold(), "") if isinstance(value, str) else ""
-    tables = () if near else _words()["belongs"].items()
+    tables = () if near else words()["belongs"].items()
     belongs = next((f"this key belongs to {table}" for table, keys in tables if key.casefold() in keys), "")
     found = by_value or _instead("keys").get(key.casefold(), belongs)
     return f": {found}" if found else ""

@@ -259,7 +259,7 @@ def ends(*given: object) -> Iterator[float]:
 def check_rows(table: Spec, x: tuple[float, ...]) -> None:
     """Refuse positions of rows that do not begin at 0 and increase; between the ends two may be equal."""
     if len(x) < 2 or x[0] != 0:
-        raise table._refused("x", "expected two rows or more, the first at 0", "rigidity-table")
+        raise table._refused("x", "expected two rows or more, from the root, x = 0, to the end", "rigidity-table")
     for k, (before, here) in enumerate(itertools.pairwise(x), 1):
         if here < before or (k >= 2 and here == before == x[k - 2]):
             why = f"must not be less than x[{k - 1}] = {before!r}; at most two rows may be equal"

@@ -293,7 +293,14 @@ class Scene(Spec, frozen=True):
 
             kept["initial"] = without_starts(self.initial, self.arm, self.motion, changes["motion"])
         arm = None if anew & OF_ARM.keys() else self.arm
-        varied = scene_from({key: value for key, value in document.items() if key in anew}, kept, arm)
+        try:
+            varied = scene_from({key: value for key, value in document.items() if key in anew}, kept, arm)
+        except SceneError as error:
+            parts = {path: [*part] for path, part in changes.items() if isinstance(part, dict)}
+            tables = [f"{path}.{keys[0]}" for path, keys in parts.items() if keys and not {"kind", "name"} & {*keys}]
+            if not tables or error.id not in {"missing-key", "key-of-another-kind"}:
+                raise
+            raise SceneError(f"{error}; a table replaces all keys: change one by {tables[0]!r}", id=error.id) from None
         checks.check_named(varied.arm, varied.run)
         return varied
 

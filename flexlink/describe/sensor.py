@@ -103,21 +103,10 @@ class Sensor(Spec, frozen=True):
     """Seed of the noise and of the bias walk, which depend only on the seed and the sensor's name. Default: 0."""
 
     def __post_init__(self) -> None:
-        of_kinds = ("tie", "x", "point", "fibre", "axis", "torque_constant")
         super().__post_init__()
         self._check_name()
         self._check_link()
-        needs, may, _ = kinds_of("sensor")[self.kind]
-        for key in of_kinds:
-            value = getattr(self, key)
-            if value is None and key in needs:
-                forms = {"x": "x [m] from the root", "fibre": "fibre = [y, z] [m] in the section"}
-                forms["tie"] = "the name of a tie"
-                wanted = " and ".join(forms.get(each, f"{each} [N m/A]") for each in needs)
-                raise missing(key, f"kind {self.kind!r} needs {wanted}")
-            if value is not None and key not in (*needs, *may):
-                takes = ", ".join((*needs, *may)) or "none of " + ", ".join(of_kinds)
-                raise self._refused(key, f"kind {self.kind!r} takes {takes}", "key-of-another-kind")
+        self._check_kind("sensor", self.kind)
         if self.x is not None and self.point is not None:
             raise both_given("point", self.point, f"x = {self.x!r}")
         if self.axis is not None:

@@ -15,8 +15,8 @@ import numpy as np
 
 from flexlink.common.errors import ALSO, ArgumentError, Diagnostic, SceneError
 from flexlink.common.types import T
-from flexlink.common.wording import did_you_mean, truncated
-from flexlink.describe.expected import expected, why_not
+from flexlink.common.wording import did_you_mean, missing, truncated
+from flexlink.describe.expected import expected, kinds_of, why_not, words
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
@@ -123,6 +123,19 @@ class Spec(
                 raise SceneError(_explain(value, field.type, field.encode_name, error)) from None
             msgspec.structs.force_setattr(self, field.name, kept)
 
+    def _check_kind(self, what: str, kind: str, *never: str) -> None:
+        """Check that all keys are given that a kind of `kinds_of` needs, and none that it, or no kind, takes."""
+        needs, may, _ = kinds_of(what)[kind]
+        known = [*dict.fromkeys(key for needed, others, _ in kinds_of(what).values() for key in (*needed, *others))]
+        defaults = {field.encode_name: default_of(field) for field in fields_of(type(self))}
+        takes = ", ".join(words()["form"].get(key, key) for key in (*needs, *may)) or f"none of {', '.join(known)}"
+        for key in (*known, *never):
+            value, taken = operator.attrgetter(key)(self), key in (*needs, *may)
+            if value is None and key in needs:
+                raise missing(key, f"kind {kind!r} takes {takes}")
+            if value not in (None, defaults.get(key)) and not taken:
+                raise self._refused(key, f"kind {kind!r} takes {takes}", "key-of-another-kind")
+
     def _refused(self, key: str, why: str, id: str) -> SceneError:
         """The error of the value of a key, also of one of a part, such as `to.axis`."""
         value = operator.attrgetter(key)(self)
@@ -152,8 +165,8 @@ def fields_of(kind: type[msgspec.Struct]) -> tuple[msgspec.structs.FieldInfo, ..
 
 def to_builtin(value: object) -> object:
     """Convert NumPy numbers, strings and arrays, which msgspec does not accept, to built-in types, at any depth."""
-    if isinstance(value, np.ndarray):
-        return to_builtin(value.tolist())
+    if isinstance(value, np.ndarray) or hasattr(type(value), "to_numpy"):  # also columns of pandas
+        return to_builtin(np.asarray(value).tolist())
     if isinstance(value, np.generic):  # `item` alone would return a longdouble unchanged
         return float(value) if isinstance(value, np.floating) else value.item()
     if type(value) in {list, tuple}:
@@ -229,7 +242,8 @@ def _unknown(name: str, value: object, allowed: Sequence[str], where: str = "") 
 
 
 def _missing(key: str) -> Diagnostic:
-    return Diagnostic(f"{key}: missing; this key is required", "missing-key")
+    how = words()["required"].get(key.rpartition(".")[2], "")
+    return Diagnostic(f"{key}: missing; this key is required{how}", "missing-key")
 
 
 def path_to(keys: Iterable[Any], value: Any, kind: Any, path: str = "") -> str:

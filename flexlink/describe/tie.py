@@ -1,7 +1,6 @@
 """Ties between points of the arm: exact ones, which close loops, and springs, stops, cables, walls and play."""
 
 import math
-import operator
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Literal
 
@@ -9,14 +8,12 @@ from flexlink.common.errors import ArgumentError, Diagnostic, SceneError
 from flexlink.common.wording import both_given, missing, truncated
 from flexlink.describe.arm import Arm
 from flexlink.describe.directions import unit
-from flexlink.describe.expected import kinds_of
 from flexlink.describe.joint import Limits
 from flexlink.describe.numbers import require_increasing
 from flexlink.describe.sensor import Sensor, beyond_beam
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, link_key, measured_in
 
 SPRING, RANGE = ("stiffness", "damping"), ("play", "only", "dissipation")
-MOVES, OIL = ("length", "times", "lengths"), ("bore", "stroke", "bulk_modulus")
 
 
 class TieEnd(Spec, frozen=True):
@@ -125,15 +122,7 @@ class Tie(TieEnd, frozen=True, kw_only=True):
         super().__post_init__()
         if self.link is None:
             raise missing("link", "give the link of the tie")
-        needs, may, _ = kinds_of("tie")[self.kind]
-        oil = (*OIL, "rod", "dead_volume", "pressures")
-        for key in ("axis", "to.axis", "rpy_deg", "to.rpy_deg", "ratio", *MOVES, *oil, *SPRING, *RANGE):
-            value = operator.attrgetter(key)(self)
-            if key in needs and value is None:
-                raise missing(key, f"kind {self.kind!r} needs it")
-            if value and value != (0.0, 0.0) and key not in (*needs, *may):
-                why = f"kind {self.kind!r} takes {', '.join((*needs, *may))}"
-                raise self._refused(key, why, "key-of-another-kind")
+        self._check_kind("tie", self.kind, "rpy_deg")
         if self.on_joint:
             known = (TieEnd(), TieEnd(link=self.to.link))[: 1 + (self.kind == "joint")]
             for key, value in (("x", self.x), ("point", self.point), ("to", None if self.to in known else self.to)):

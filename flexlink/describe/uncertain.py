@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import SceneError, errors_at
 from flexlink.common.types import Array
 from flexlink.describe.arm import Arm
 from flexlink.describe.link import ROOT_AXES, Link
@@ -56,13 +56,10 @@ def inputs_of(scene: Scene, fields: Mapping[str, Any]) -> list[Input]:
 
 
 def _value(scene: Scene, fields: Mapping[str, Any], path: str, u: float) -> Input:
-    before = "uncertain."
-    try:
+    with errors_at("uncertain."):
         values = values_at(scene.document(), fields, path)
-        before += f"{path} = "
+    with errors_at(f"uncertain.{path} = "):
         value = number_in(values)
-    except SceneError as error:
-        raise SceneError(f"{before}{error}", id=error.id) from None
     if value:
         return Input(path, lambda z: {path: value * np.exp(u * z)}, one_sided=False)
     try:

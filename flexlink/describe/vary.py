@@ -190,7 +190,9 @@ class _Change:
         """Return `part`, which must be one of the names; if they are `keys`, the message may suggest an alternative."""
         if part not in names:
             item = "; an item of a list has its name or number as a part, such as link.1" * ("[" in part)
-            listed = item or f"; allowed are {', '.join(names) or 'none'}{did_you_mean(part, names)}"
+            above, _, below = part.partition("_")
+            near = f"; did you mean '{above}.{below}'?" if above in names else did_you_mean(part, names)
+            listed = item or f"; allowed are {', '.join(names) or 'none'}{near}"
             raise self.error(f"{part!r} is unknown here{(keys and why_not(part, None)) or listed}")
         return part
 

@@ -17,6 +17,7 @@ from flexlink.describe.joint import Joint
 from flexlink.describe.joint_units import in_words
 from flexlink.describe.link import Link
 from flexlink.describe.plausibility.hints import hints
+from flexlink.describe.plausibility.loads import bodies
 from flexlink.describe.run_settings import DEFAULT_TOLERANCE
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import fields_of
@@ -245,17 +246,15 @@ def _few_hinges(scene: Scene) -> Iterator[Diagnostic]:
 
 
 def _centers_without_mass(scene: Scene) -> Unused:
-    bodies = {"tip": scene.arm.tip}
-    for k, link in enumerate(scene.arm.links, 1):
-        path = scene.arm.path(k)
-        bodies |= {f"{path}.hub": link.hub, f"{path}.end": link.end}
-    for key, body in bodies.items():
+    for key, body in bodies(scene.arm):
         if any(body.center) and not body.mass:
             yield f"{key}.center = {body.center!r}: has no effect", "the body has no mass"
 
 
 def _unused_link_keys(scene: Scene) -> Unused:
     for k, link in enumerate(scene.arm.links, 1):
+        if link.drag is not None and scene.air_density is None:
+            yield f"{scene.arm.path(k)}.drag: has no effect", "there is no air; give air_density = 1.2, or leave it out"
         for key, value, why in _idle(link):
             yield f"{scene.arm.path(k)}.{key} = {value!r}: has no effect", why
 

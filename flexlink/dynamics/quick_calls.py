@@ -85,14 +85,14 @@ def _of_state(kernel: Any, shape: tuple[int, ...], checked: OfState) -> OfState:
     """The kernel as a function of a state; states of another form go to the checked function."""
     quick, new = functools.partial(kernel.quick, NO_WRENCH), np.empty
 
-    def function(q: ArrayLike, qd: ArrayLike, third: ArrayLike) -> Array:
+    def function(q: ArrayLike, qd: ArrayLike, tau_or_qdd: ArrayLike) -> Array:
         found = new(shape)
         try:
-            if quick(q, qd, third, found):
+            if quick(q, qd, tau_or_qdd, found):
                 return found
         except ValueError:  # an empty list
             pass
-        return checked(q, qd, third)
+        return checked(q, qd, tau_or_qdd)
 
     return function
 

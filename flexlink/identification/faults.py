@@ -21,7 +21,7 @@ import scipy
 
 from flexlink.common.errors import Diagnostic, FlexlinkError
 from flexlink.common.types import Array, Mask
-from flexlink.data.csv_table import head_of
+from flexlink.data.csv_table import conversion, head_of, units_like
 from flexlink.data.documents import read_toml
 from flexlink.describe.link import Link
 from flexlink.describe.material import BREADTHS
@@ -83,13 +83,16 @@ class Fault(NamedTuple):
         if self.cause is not None:
             found = "" if len(self.effect) else f" = {size:.3g} ± {wide}{unit}"  # a refit has no effect at a solution
             return Diagnostic(f"better explained by {self.cause.name}: fit {self.column}{found}", "likely-cause")
+        pairs = itertools.permutations(units_like(self.unit), 2) if abs(size) > 0.1 else ()
+        like = [pair for pair in pairs if self.unit in pair and abs((1 + size) / (conversion(*pair) or 1.0) - 1) < 0.01]
+        other = "; likely in {1}, not {0}: correct the unit in its name".format(*like[0]) if like else ""
         return {
             "delay": Diagnostic(f"{better} {ms} {late}: {key}", "likely-delay"),
             "start": Diagnostic(f"{better} if the scene starts {ms} {later}: start = 'unknown'", "likely-start"),
             "clock": Diagnostic(f"{better} by a clock that runs {rate}: clock = true", "likely-clock"),
             "bias": Diagnostic(f"{better} with a bias of {size:.2g} ± {wide}{unit}: {key}", "likely-bias"),
             "drift": Diagnostic(f"{better} with a drift of {size:.2g} ± {wide}{unit}/s: {key}", "likely-drift"),
-            "gain": Diagnostic(f"{better} with a gain of {1 + size:.3g} ± {wide}: {key}", "likely-gain"),
+            "gain": Diagnostic(f"{better} with a gain of {1 + size:.3g} ± {wide}: {key}{other}", "likely-gain"),
             "sign": Diagnostic(f"{better} with the opposite sign: reverse it", "likely-sign"),
         }["sign" if self.kind == "gain" and size < -1 else self.kind]
 

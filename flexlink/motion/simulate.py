@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Never
 from msgspec.structs import replace
 from numpy.typing import ArrayLike
 
-from flexlink.chain.arguments import refuse_call, require_callable, require_type
+from flexlink.chain.arguments import explained, refuse_call, require_callable, require_type
 from flexlink.common.errors import ArgumentError
 from flexlink.common.interruption import deferred
 from flexlink.common.memo import Kept, Memo
@@ -182,6 +182,7 @@ class Problem:
     def __repr__(self) -> str:
         return f"<Problem {self.chain.name!r}: {self.chain.n} joints>"
 
+    @explained
     def simulate(
         self, *, q0: ArrayLike | None = None, qd0: ArrayLike | None = None, t0: float | None = None,
         duration: float | None = None, control: Law | None = None, rate: float | None = None, delay: float = 0.0,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlink.chain.arguments import positive, real, vector
+from flexlink.chain.arguments import explained, positive, real, vector
 from flexlink.common.errors import ArgumentError, imported
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.output import write_whole
@@ -318,6 +318,7 @@ class Trajectory(RunSamples):
         doubts = "".join(f"; {warning}" for warning in self.warnings)
         return html_table(f"{self!r}{doubts}", ("quantity", "first", "last", "smallest", "largest"), rows)
 
+    @explained
     def plot(self, *, what: str | Sequence[str] | None = None, ax: Axes | Sequence[Axes] | None = None) -> Figure:
         """Plot joint angles and tip, or other panels, against time; a notebook shows the figure once. Needs matplotlib.
 
@@ -346,6 +347,7 @@ class Trajectory(RunSamples):
         figure: Figure = drawing_module("results.plotting").plot_trajectory(self, what, ax)
         return figure
 
+    @explained
     def animate(
         self, path: str | Path, *, magnify: float = 1.0, colour: Literal["moment", "strain"] = "moment",
         fps: float = 25.0, speed: float = 1.0, width: int = 640, meshes: str | Path | None = None,

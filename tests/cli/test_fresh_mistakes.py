@@ -140,10 +140,34 @@ def test_uncertain_paths_need_no_quotes(tmp_path: Path) -> None:
     lambda: fl.initial_state(fl.lump(SCENE)),
     lambda: fl.Simulator(SCENE).step(0.01, [100.0]),  # type: ignore[arg-type]  a mistake of type as well
     lambda: fl.SimulatorBatch([SCENE]).step(0.01, [100.0]),  # type: ignore[arg-type]
-], ids=["simulate", "many", "compare", "sweep", "urdf", "fit", "advise", "modes", "rest", "step", "batch"])  # fmt: skip
+    lambda: fl.to_c(fl.lump(SCENE), "arm.c"),
+    lambda: fl.simulate(SCENE, duration=0.01).plot("energy"),  # type: ignore[misc]
+    lambda: fl.simulate(SCENE, duration=0.01).animate("film.gif", 12),  # type: ignore[misc]
+    lambda: fl.Problem(SCENE).simulate(tip_mass=5.0),  # type: ignore[call-arg]
+], ids=["simulate", "many", "compare", "sweep", "urdf", "fit", "advise", "modes", "rest", "step", "batch", "c", "plot",
+        "animate", "problem"])  # fmt: skip
 def test_a_call_that_does_not_fit_is_refused_with_what_the_function_takes(call: Callable[[], object]) -> None:
     with refused(fl.errors.ArgumentError, "wrong-arguments"):
         call()
+
+
+@pytest.mark.parametrize(("call", "id"), [
+    (lambda chain: fl.linearize(chain, chain.rest, outputs="tip"), "wrong-type"),
+    (lambda chain: fl.linearize(chain, [chain.rest, chain.rest]), "wrong-shape"),
+    (lambda chain: fl.jacobian(chain, chain.rest, body="upper"), "not-an-integer"),
+    (lambda _: fl.Link(name="a", dh={"a": 0.5}), "missing-key"),
+    (lambda _: fl.Material(EX=2e11, DENS=7850.0), "unknown-key"),
+])  # fmt: skip
+def test_one_name_for_a_list_and_a_run_for_a_state_are_refused_with_what_to_write(call, id: str) -> None:
+    with refused(fl.FlexlinkError, id):
+        call(fl.lump(SCENE))
+
+
+def test_columns_of_a_data_frame_are_accepted_as_lists() -> None:
+    pandas = pytest.importorskip("pandas")
+    table = pandas.DataFrame({"t": [0.0, 1.0], "upper": [1.0, 2.0], "fore": [3.0, 4.0]})
+    drive = fl.Drive(kind="table", times=table["t"], torques=table[["upper", "fore"]])
+    assert drive == fl.Drive(kind="table", times=(0.0, 1.0), torques=((1.0, 3.0), (2.0, 4.0)))
 
 
 def test_a_type_error_inside_a_function_is_no_wrong_call() -> None:

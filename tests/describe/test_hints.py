@@ -64,6 +64,13 @@ PLANTED: list[tuple[dict[str, Any], str, str]] = [
     ({"link.boom.twist": 90.0}, "link.boom.twist", "°/m"),
     ({"initial": {"q": [20.0, 0, 0, 0, -40.0, 0, 0, 0], "qd": [0.0] * 8}}, "initial.q", "°"),
     ({"uncertain": {"tip.mass": 5.0}}, "uncertain.tip.mass", "%"),
+    ({"section.tube.inner": 0.005}, "section.tube.inner", "wall"),
+    ({"drive": {**PD, "reference": {"profile": "quintic", "to_deg": [60.0, 0.0], "duration": 1.0, "start": 500.0}}},
+     "drive.reference.start", "ms"),
+    ({"tie": [{"name": "rope", "kind": "distance", "link": "jib", "to": {"point": [2.0, 0.0, 3.0]},
+               "times": [0.0, 1500.0], "lengths": [3.0, 2.0]}]}, "tie.rope.times[1]", "ms"),
+    ({"sensor": [{"name": "motor", "kind": "current", "link": "boom", "torque_constant": 0.1}]},
+     "sensor.motor.torque_constant", "A"),
     ({"gravity": [0.0, 0.0, -9810.0]}, "gravity", "mm/s²"),
     ({"gravity": [0.0, 0.0, -1.0]}, "gravity", "g"),
     ({"sensor.gauge.fibre": [60.0, 0.0]}, "sensor.gauge.fibre", "mm"),
@@ -118,6 +125,37 @@ def test_a_table_of_negative_torques_in_newton_millimetres_gets_a_hint() -> None
     path, unit = "drive.torques.boom = ", "N mm"
     assert hint.startswith(path) and names_unit(hint, unit)
     reviewed("likely-unit", hint)
+
+
+BEAM_OF_BOOM = 7850.0 * math.pi / 4 * (0.12**2 - 0.11**2) * 2.5
+
+
+@pytest.mark.parametrize(("mistake", "path", "id"), [
+    ({"link.boom.end": {"mass": 5.0, "center": [2.5, 0.0, 0.0]}}, "link.boom.end.center", "length-twice"),
+    ({"tip.center": [1.8, 0.0, 0.0]}, "tip.center", "length-twice"),
+    ({"link.jib.mount.xyz": [2.5, 0.0, 0.0]}, "link.jib.mount.xyz", "length-twice"),
+    ({"link.jib.end": {"mass": 200.0, "center": [0.1, 0.0, 0.0]}}, "link.jib.end.mass", "mass-twice"),
+    ({"link.boom.hub": {"mass": 1.1 * BEAM_OF_BOOM, "center": [1.3, 0.0, 0.0]}}, "link.boom.hub.mass", "mass-twice"),
+    ({"link.boom.flex": "z", "sensor.gauge.fibre": [0.0, 0.06]}, "sensor.gauge.fibre", "no-effect"),
+])  # fmt: skip
+def test_a_length_or_a_mass_given_twice_and_a_gauge_without_strain_get_a_hint(mistake: Any, path: str, id: str) -> None:
+    (hint,) = hints(CRANE.varied(mistake))
+    assert hint.startswith(f"{path} = ")
+    reviewed(id, hint)
+
+
+@pytest.mark.parametrize("intended", [
+    {"link.boom.end": {"mass": 5.0, "center": [-2.5, 0.0, 0.0]}},
+    {"link.jib.end": {"mass": 200.0}},  # elsewhere
+    {"link.boom.hub": {"mass": 2 * BEAM_OF_BOOM, "center": [1.25, 0.0, 0.0]}},  # a heavy pipe inside
+    {"link.boom.hub": {"mass": BEAM_OF_BOOM, "center": [0.0, 0.0, 0.0]}},  # a motor
+    {"sensor.gauge.fibre": [0.0, 0.06]},  # bends in both planes
+    {"section.tube.inner": 0.02},
+    {"sensor": [{"name": "valve", "kind": "current", "link": "boom", "torque_constant": 400.0}]},
+    {"sensor": [{"name": "force", "kind": "joint", "link": "jib", "rate": 100.0}]},
+])  # fmt: skip
+def test_parts_that_are_alike_by_intention_get_no_hint(intended: dict[str, Any]) -> None:
+    assert hints(CRANE.varied(intended)) == ()
 
 
 def names_unit(hint: str, unit: str) -> bool:

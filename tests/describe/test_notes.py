@@ -40,6 +40,13 @@ def check_no_effect(note: str) -> None:
     reviewed("no-effect", note)
 
 
+def test_drag_without_air_is_noted() -> None:
+    dragged = make_scene(fl.Link(name="a"), flexible("b", drag=fl.Drag(coefficient=1.2)), gravity=(0.0, 9.81, 0.0))
+    (note,) = notes(dragged)
+    check_no_effect(note)
+    assert not notes(dragged.varied({"air_density": 1.2}))
+
+
 def test_gravity_along_a_mounted_axis_is_noted_within_rounding() -> None:
     turned = fl.Mount(rpy_deg=(33.0, 12.0, 5.0))
     axis = fl.lump(make_scene(fl.Link(name="a", mount=turned), flexible("b"))).axes[0]

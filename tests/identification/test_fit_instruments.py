@@ -1,6 +1,7 @@
 """Faults of instruments and clocks: a fit names them, estimates them on request, and is not fooled by outliers."""
 
 import functools
+import math
 import tomllib
 from typing import Any
 
@@ -10,8 +11,10 @@ from scipy.interpolate import CubicSpline
 
 import flexlink as fl
 from flexlink.common.errors import DataFileError, SceneError
+from flexlink.identification.faults import Fault
 from flexlink.identification.fitted import Fitted
 from tests.support.fits import TOGETHER, boom, problem
+from tests.support.words import reviewed
 
 pytestmark = pytest.mark.slow
 YOUNG, MASS = "material.steel.young", "tip.mass"
@@ -92,6 +95,16 @@ class TestScoreTests:
         size = fault.get("gyro_gain", next(iter(fault.values())))
         estimate = repaired.numbers[-1]
         assert abs(estimate.value - size) < 2 * estimate.half
+
+    @pytest.mark.parametrize(("unit", "gain", "meant"), [
+        ("rad", math.radians(1), "rad, not deg"), ("rad", math.degrees(1), "deg, not rad"),
+        ("m", 1e-3, "m, not mm"), ("m", 1e3, "mm, not m"),
+    ])  # fmt: skip
+    def test_a_gain_between_two_units_names_the_unit_that_is_meant(self, unit: str, gain: float, meant: str) -> None:
+        text = Fault("gain", "run", f"q a [{unit}]", unit, np.empty(0), gain - 1, 1e-6).text
+        assert f"; likely in {meant}: correct" in text
+        reviewed("likely-gain", text)
+        assert "likely in" not in Fault("gain", "run", "q a [rad]", "rad", np.empty(0), -0.005, 1e-6).text
 
     def test_a_reversed_column_is_named_before_the_fit(self) -> None:
         notes = fl.fits.check_fit(measured(gyro_gain=-1.0)).notes

@@ -244,10 +244,9 @@ INVALID: dict[str, list[dict[str, Any]]] = {
     "needs-pd": [{"drive.gravity": "rigid", "drive.kind": "computed_torque"}],
     "not-a-multiple": [{"drive.rate": 3000.0}, {"drive.rate": 1000.0 / 7},
                        {"drive.rate": 100.0, "initial.time": 0.005}],
-    "key-of-another-kind": [{"drive.torque": (1.0, 1.0, 1.0)}],
+    "key-of-another-kind": [{"drive.torque": (1.0, 1.0, 1.0)}, {"drive": {"kind": "none", "rate": 100.0}}],
     "locked-and-moving": [{"link.fore.joint.locked": True}],
     "joint-prescribed": [{"motion": [AT_ONCE]}],
-    "no-effect": [{"drive": {"kind": "none", "rate": 100.0}}],  # no law to be sampled
 }  # fmt: skip
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import tomllib
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -26,7 +27,7 @@ from flexlink.robots.importing import import_urdf
 from tests.campaigns.random_ties import judged
 from tests.support.loops import Loop, places, unaccelerated, undriven
 from tests.support.touching import Touching
-from tests.support.words import refused
+from tests.support.words import refused, reviewed
 
 pytestmark = pytest.mark.first
 HELD = {"kind": "pd", "kp": [9.0, 0.0, 0.0], "kd": [1.0, 0.0, 0.0], "target_deg": [60.0, -33.0, -116.0]}
@@ -691,6 +692,19 @@ def test_a_run_reports_a_cylinder_that_becomes_too_long() -> None:
         fl.simulate(scene)
     spring = {"tie.cylinder.stiffness": 1e5, "tie.cylinder.damping": 100.0}
     assert fl.simulate(scene.varied(spring)).kept
+
+
+def test_a_cylinder_that_does_not_fit_the_initial_angles_is_reported_with_the_length_that_does() -> None:
+    ram = {"name": "ram", "kind": "distance", "link": "l2", "times": [0.0, 1.0], "lengths": [0.8, 0.9]}
+    ram |= {"stiffness": 1e5, "to": {"point": [-0.2, 0.0, 0.0]}}
+    scene = arm({"length": 0.4}, {"length": 0.6}, start=[40.0, -60.0], ties=[ram]).varied({"initial.passive": "static"})
+    with pytest.warns(RuntimeWarning) as warned:
+        fl.Problem(scene)
+    reviewed("ties-closed", str(warned[0].message))
+    fitting = float(re.search(r"give (\S+),", str(warned[0].message))[1])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fl.Problem(scene.varied({"tie.ram.lengths": (fitting, 0.9)}))
 
 
 def test_steps_after_a_failed_one_begin_with_the_multipliers_of_the_last_good_one() -> None:

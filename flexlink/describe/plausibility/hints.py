@@ -3,6 +3,7 @@
 import fnmatch
 import math
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -34,38 +35,47 @@ def _hints(scene: Scene) -> Iterator[Diagnostic]:
     causes += sizes.hint_if_outside("gravity", scene.gravity, "gravity_of_one" if g == 1.0 else "gravity", g)
     causes += [*loads.of_places(scene, about), *loads.of_masses(scene, about)]
     yield from causes
-    yield from of_numbers(scene)
+    document, names = scene.document(), {"link": "name", "tie": "name", "sensor": "name", "motion": "link"}
+    named = {key: {str(part[name]): part for part in document[key]} for key, name in names.items()}
+    numbers = list(paths_of(document | named))
+    yield from of_numbers(numbers)
     yield from loads.of_bodies(scene, about)
-    yield from of_angles(scene)
-    yield from of_times(scene, about)
-    yield from of_sensors(scene)
+    yield from _of_turns(scene)
+    yield from of_times(scene, about, numbers)
+    yield from of_sensors(scene, about)
     if not causes:  # these hints depend on the numbers checked above
         yield from list(loads.of_loads(scene, about)) or loads.of_joints(scene, about)
 
 
-def of_numbers(scene: Scene) -> Iterator[Diagnostic]:
+def of_numbers(numbers: Sequence[tuple[str, Any]]) -> Iterator[Diagnostic]:
     """Hints on numbers that are implausible by themselves, at the `paths` of their quantity."""
-    document = scene.document()
-    named = {key: {part["name"]: part for part in document[key]} for key in ("link", "tie", "sensor")}
     patterns = {pattern: name for name, known in sizes.ranges().items() for pattern in known.paths}
-    for path, value in paths_of(document | named):
+    for path, value in numbers:
         for pattern, name in patterns.items():
             if fnmatch.fnmatchcase(path, pattern) and np.any(value):
                 yield from sizes.hint_if_outside(path, value, name, float(np.abs(value).max()))
+                yield from _of_angles(path, value if isinstance(value, list) else [value]) if name == "angle" else ()
 
 
-def of_sensors(scene: Scene) -> Iterator[Diagnostic]:
-    """Hints on gauges far outside their link's section, on rates, and on resolutions of joint angles."""
+def of_sensors(scene: Scene, about: loads.Situation) -> Iterator[Diagnostic]:
+    """Hints on gauges outside their link's section or where no strain is, on rates, currents, and resolutions."""
     arm = scene.arm
     for sensor in scene.sensor:
-        path = f"sensor.{sensor.name}"
+        path, k = f"sensor.{sensor.name}", arm.number(sensor.link) - 1 if sensor.kind in {"strain", "current"} else 0
+        if sensor.torque_constant is not None and not arm.links[k].joint.slides:
+            amperes = about.pull * about.first_moment(k) / sensor.torque_constant
+            given, detail = sensor.torque_constant, f" {amperes:.2g} A"
+            yield from sizes.hint_if_outside(f"{path}.torque_constant", given, "current", amperes, -1.0, detail)
         if sensor.rate is not None and sensor.rate * scene.run.duration < 1:
             yield from sizes.hint_if_outside(f"{path}.rate", sensor.rate, "rate", sensor.rate)
         if sensor.resolution is not None and column_names((sensor,), arm) == (f"{sensor.name} [rad]",):
             yield from sizes.hint_if_outside(f"{path}.resolution", sensor.resolution, "resolution", sensor.resolution)
         if sensor.fibre is None:
             continue
-        section = arm.sections.get(arm.links[arm.number(sensor.link) - 1].section or "")
+        if not sensor.fibre[0] and arm.links[k].flex == "z":
+            text = f"{path}.fibre = {sizes.shown(sensor.fibre)} m: no strain at y = 0, as the link bends only about z"
+            yield Diagnostic(f"{text}; give y, such as [{max(sensor.fibre) or 0.01:g}, 0]", "no-effect")
+        section = arm.sections.get(arm.links[k].section or "")
         if section is not None:
             whole = sizes.largest_dimension(section)[1]
             sides = [getattr(section, key) for key in reversed(BREADTHS.get(section.shape, ()))] or [whole, whole]
@@ -73,33 +83,15 @@ def of_sensors(scene: Scene) -> Iterator[Diagnostic]:
             yield from sizes.hint_if_outside(f"{path}.fibre", sensor.fibre, "fibre", part)
 
 
-def of_angles(scene: Scene) -> Iterator[Diagnostic]:
-    """Hints on angles in degrees whose digits match multiples of 5° in radians, and on angles beyond 2π in radians."""
-    arm, drive, reference = scene.arm, scene.drive, scene.drive.reference
-    angles: dict[str, Sequence[float] | None] = {
-        "initial.joint_deg": scene.initial.joint_deg, "drive.target_deg": drive.target_deg,
-    }  # fmt: skip
-    if reference is not None:
-        angles |= {f"drive.reference.{key}": getattr(reference, key) for key in ("to_deg", "from_deg")}
-    angles |= {f"motion.{motion.link}.angle_deg": motion.angle_deg for motion in scene.motion}
-    for k, link in enumerate(arm.links, 1):
-        path = arm.path(k)
-        angles |= {f"{path}.mount.rpy_deg": link.mount.rpy_deg, f"{path}.joint.limits_deg": link.joint.limits_deg}
-        if link.dh is not None:
-            angles |= {f"{path}.dh.alpha_deg": (link.dh.alpha_deg,), f"{path}.dh.theta_deg": (link.dh.theta_deg,)}
-        if max(map(abs, link.mount.rpy or (0.0,))) > 2 * math.pi + 1e-3:
-            turns = f"{path}.mount.rpy = {sizes.shown(link.mount.rpy or ())} rad: more than one turn"
-            yield Diagnostic(f"{turns}; likely given in deg: use rpy_deg", "likely-degrees")
-    yield from _of_turns(scene)
-    for path, given in angles.items():
-        values = given or ()
-        nonzero = [value for value in values if value]
-        several = len(nonzero) > 1 and all(_looks_like_radians(value, 15) for value in nonzero)
-        found = several or any(map(_looks_like_radians, nonzero))
-        if nonzero and max(map(abs, nonzero)) <= 2 * math.pi + 0.01 and found:
-            inner = ", ".join(f"{math.degrees(value):.4g}" for value in values)
-            why = f"the digits match round angles in radians; likely given in rad: in degrees [{inner}]"
-            yield Diagnostic(f"{path} = {sizes.shown(values)} deg: {why}", "likely-radians")
+def _of_angles(path: str, values: Sequence[float]) -> Iterator[Diagnostic]:
+    """Hints on angles in degrees whose digits match multiples of 5° in radians."""
+    nonzero = [value for value in values if value]
+    several = len(nonzero) > 1 and all(_looks_like_radians(value, 15) for value in nonzero)
+    found = several or any(map(_looks_like_radians, nonzero))
+    if nonzero and max(map(abs, nonzero)) <= 2 * math.pi + 0.01 and found:
+        inner = ", ".join(f"{math.degrees(value):.4g}" for value in values)
+        why = f"the digits match round angles in radians; likely given in rad: in degrees [{inner}]"
+        yield Diagnostic(f"{path} = {sizes.shown(values)} deg: {why}", "likely-radians")
 
 
 def _of_turns(scene: Scene) -> Iterator[Diagnostic]:
@@ -141,15 +133,12 @@ def _looks_like_radians(value: float, coarse: int = 90) -> bool:
     return nearest > 0 and abs(abs(value) - nearest) <= 1.1 * 10.0**-decimals
 
 
-def of_times(scene: Scene, about: loads.Situation) -> Iterator[Diagnostic]:
-    """Hints on tables much longer than the run, on late drives, and on tolerances large for the arm's reach."""
-    run, reference = scene.run, scene.drive.reference
-    tables = {"drive": scene.drive.times, "wrench": scene.wrench.times}
-    tables |= {f"motion.{motion.link}": motion.times for motion in scene.motion}
-    tables |= {} if reference is None else {"drive.reference": reference.times}
-    for path, times in tables.items():
-        if times and run.duration > 0 and (last := times[-1]) > 10.0:
-            yield from sizes.hint_if_outside(f"{path}.times[{len(times) - 1}]", last, "times", last / run.duration)
+def of_times(scene: Scene, about: loads.Situation, numbers: Sequence[tuple[str, Any]]) -> Iterator[Diagnostic]:
+    """Hints on tables much longer than the run, and on tolerances large for the arm's reach."""
+    run = scene.run
+    for path, times in numbers:
+        if path.endswith(".times") and run.duration > 0 and (last := times[-1]) > 10.0:
+            yield from sizes.hint_if_outside(f"{path}[{len(times) - 1}]", last, "times", last / run.duration)
     if run.tolerance is not None and about.reach > 0:
         part = run.tolerance / about.reach
         yield from sizes.hint_if_outside("run.tolerance", run.tolerance, "tolerance", part, 1.0, f" {part:.2g}")

@@ -11,43 +11,53 @@ import numpy as np
 from flexlink.common.errors import Diagnostic
 from flexlink.describe.arm import Arm
 from flexlink.describe.link import Link
-from flexlink.describe.plausibility.sizes import Range, hint_if_outside, largest_dimension, ranges, shown
+from flexlink.describe.plausibility.sizes import hint_if_outside, largest_dimension, shown
 from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import Vector3
 
 
 def of_places(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
     """Hints on offsets more than 20 times as long as the arm, and on centres of mass beyond three times its reach."""
     arm = scene.arm
     lengths = sum(span(link) for link in arm.links)
-    most = 3.0 * about.reach
-    points: list[tuple[str, Vector3, float]] = [("tip.center", arm.tip.center, most)]
+    points = [(f"{path}.center", body.center, 3.0 * about.reach) for path, body in bodies(arm)]
+    from_ends = [("tip.center", arm.tip.center, arm.links[-1])]
     for k, (link, parent) in enumerate(zip(arm.links, arm.parents, strict=True), 1):
         path = arm.path(k)
-        if parent and (length := arm.links[parent - 1].length) and link.mount.xyz == (length, 0.0, 0.0):
-            text = f"{shown(link.mount.xyz)} m: a link begins at the end of the one before, whose length this is"
-            yield Diagnostic(f"{path}.mount.xyz = {text}; leave it out", "length-twice")
+        from_ends += [(f"{path}.mount.xyz", link.mount.xyz, arm.links[parent - 1])] if parent else []
+        from_ends += [(f"{path}.end.center", link.end.center, link)]
         points += [(f"{path}.mount.xyz", link.mount.xyz, 20.0 * lengths if k > 1 else math.inf)]
-        points += [(f"{path}.hub.center", link.hub.center, most), (f"{path}.end.center", link.end.center, most)]
+    for path, point, link in from_ends:
+        if link.length and point == (link.length, 0.0, 0.0):
+            text = f"{path} = {shown(point)} m: is measured from the end of {link.name!r}, whose length this is"
+            yield Diagnostic(f"{text}; leave it out", "length-twice")
     for path, point, limit in points:
         far = math.hypot(*point)
         if far > 100.0 or (far > 3.0 and far > limit > 0):
             yield from hint_if_outside(path, point, "place", max(far, 100.1))
 
 
+def bodies(arm: Arm) -> list[tuple[str, RigidBody]]:
+    """The payload and the rigid bodies of all links, with their paths."""
+    parts = [(k, link, key) for k, link in enumerate(arm.links, 1) for key in ("hub", "end")]
+    return [("tip", arm.tip), *((f"{arm.path(k)}.{key}", getattr(link, key)) for k, link, key in parts)]
+
+
 def of_bodies(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
-    """Hints on inertias that are too large for the mass of their body."""
-    arm = scene.arm
-    bodies: list[tuple[str, RigidBody]] = [("tip", arm.tip)]
-    for k, link in enumerate(arm.links, 1):
-        bodies += [(f"{arm.path(k)}.hub", link.hub), (f"{arm.path(k)}.end", link.end)]
-    for path, body in bodies:
-        largest = max(body.inertia)
-        if body.mass > 0 and largest > 0:
-            gyration = math.sqrt(largest / body.mass)
-            if gyration > about.reach:
-                yield from hint_if_outside(f"{path}.inertia", largest, "gyration", gyration, 0.5)
+    """Hints on inertias that are too large for the mass of their body, and on masses that are given twice."""
+    arm, last = scene.arm, scene.arm.links[-1].end
+    for path, body in bodies(arm):
+        if body.mass > 0 and (gyration := math.sqrt(max(0.0, *body.inertia) / body.mass)) > about.reach:
+            yield from hint_if_outside(f"{path}.inertia", max(body.inertia), "gyration", gyration, 0.5)
+    for k, (link, mass) in enumerate(zip(arm.links, about.masses, strict=True), 1):
+        hub, beam, middle = link.hub, mass - link.hub.mass - link.end.mass, (link.length / 2, 0.0, 0.0)
+        # the mass of a complete link, as in a URDF file, up to its flanges
+        if beam and 0.9 < hub.mass / beam < 1.2 and math.dist(hub.center, middle) < 0.1 * link.length:
+            text = f"{arm.path(k)}.hub.mass = {hub.mass:g} kg: the beam has {beam:.4g} kg in the same place"
+            yield Diagnostic(f"{text}; leave hub out, or material and section", "mass-twice")
+    if arm.tip.mass and (last.mass, last.center) == (arm.tip.mass, arm.tip.center):
+        text = f"{arm.path(len(arm.links))}.end.mass = {last.mass:g} kg: tip has the same mass in the same place"
+        yield Diagnostic(f"{text}; leave one of them out", "mass-twice")
 
 
 def of_masses(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
@@ -103,31 +113,17 @@ def of_loads(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
         # strain M c/(E I) of the outermost fibre about the stiffer axis: the least strain that the moment can cause
         stiff = material.young * max(section.properties[1:3])
         strain = (own + sum(parts.values())) * largest_dimension(section)[1] / 2 / stiff
+        cause = max(parts, key=lambda key: parts[key])
+        key, power = cause.partition(".")[2], 1.0
+        path, value = cause, about.payload if key == "mass" else getattr(wrench, key)
+        if parts[cause] <= 10 * own:
+            path, value, power, key = f"material.{link.material}.young", material.young, -1.0, "young"
         # materials with a Young's modulus below 5e9 Pa can bear larger strains
-        known = ranges()["strain_of_soft" if material.young < 5e9 else "strain"]
-        if known.holds(strain):
-            continue
-        most = max(parts, key=lambda key: parts[key])
-        yield _overload(arm, link, most if parts[most] > 10 * own else "", strain, known, scene)
-        return  # one hint is enough: later links bear less of the same load
-
-
-def _overload(arm: Arm, link: Link, cause: str, strain: float, known: Range, scene: Scene) -> Diagnostic:
-    """Hint on a strain; names the load that causes most of the strain, or else the material, which may be too soft."""
-    why = f"{link.name!r}, stretched out, would strain by {strain:.2g}: {known.reason}"
-    young = f"material.{link.material}.young"
-    E = arm.materials[link.material or ""].young
-    if cause == "tip.mass":
-        text = f"tip.mass = {arm.tip.mass:g} kg: {why}; likely given in g: in SI {arm.tip.mass / 1e3:g} kg"
-    elif cause:
-        value = getattr(scene.wrench, cause.partition(".")[2])
-        unit = "mN" if cause == "wrench.force" else "N mm"
-        text = f"{cause} = {list(value)}: {why}; likely given in {unit}: in SI a thousandth"
-    elif strain < 1e3 * known.usual[1]:
-        text = f"{young} = {E:g} Pa: {why}; likely given in kPa: in SI {E * 1e3:g} Pa"
-    else:
-        text = f"{young} = {E:g} Pa, section.{link.section}: {why}; check their units"
-    return Diagnostic(text, "likely-unit")
+        name = f"strain{'_of_soft' * (material.young < 5e9)}_by_{key}"
+        detail = f"; {link.name!r}, stretched out, would strain by {strain:.2g}"
+        if found := list(hint_if_outside(path, value, name, strain, power, detail)):
+            yield from found
+            return  # one hint is enough: later links bear less of the same load
 
 
 class Situation(NamedTuple):

@@ -86,6 +86,8 @@ def _dimensions(path: str, section: Section) -> Iterator[Diagnostic]:
             value = getattr(section, key)
             if value is not None:
                 yield from hint_if_outside(f"{path}.{key}", value, name, value)
+        if section.inner and section.outer:
+            yield from hint_if_outside(f"{path}.inner", section.inner, "bore", section.inner / section.outer)
         return
     A = section.area or 1.0
     area = list(hint_if_outside(f"{path}.area", A, "area", A))
@@ -119,6 +121,7 @@ class Range(Spec, frozen=True):
     of: str = ""  # quantity and unit that the range applies to, if this is not the given number itself
     inverse: str = ""  # if it may have been given: both names, such as 'a sampling period in s, the rate'
     remedy: str = "check its unit"  # end of the hint if no unit fits
+    id: str = "likely-unit"
 
     def holds(self, value: float) -> bool:
         """Whether a value is plausible."""
@@ -152,7 +155,7 @@ def hint_if_outside(
         remedy = known.remedy
         if known.inverse and at > 0 and known.usual[0] <= 1 / at <= known.usual[1]:
             remedy = f"if this is {known.inverse} is {1 / at:.6g}{unit}"
-        yield Diagnostic(f"{start}; {remedy}", "likely-unit")
+        yield Diagnostic(f"{start}; {remedy}", known.id)
         return
     values = " or ".join(shown(value, factor) for factor in found.values())
     yield Diagnostic(f"{start}; likely given in {' or '.join(found)}: in SI {values}{unit}", "likely-unit")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,12 +10,12 @@ import numpy as np
 from flexlink.chain.arguments import require_type
 from flexlink.chain.chain import Chain
 from flexlink.chain.shapes import on_shapes
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import Diagnostic, SceneError
 from flexlink.common.types import Array, Indices
 from flexlink.common.wording import truncated
 from flexlink.describe.joint_units import IN_METRES
 from flexlink.describe.scene import Scene
-from flexlink.dynamics.ties import Ties, closed, tie_rows
+from flexlink.dynamics.ties import Ties, closed, gaps, rows_by_tie, tie_rows
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.inputs.record import Inputs, MotionTable
 from flexlink.motion.inputs.actuation import input_arrays, inputs_with, wrench_at
@@ -78,7 +79,13 @@ def state_under(inputs: Inputs, scene: Scene, chain: Chain, ties: Ties | None = 
     if initial.passive == "static" and ties is not None:
         from flexlink.dynamics.tied_tangent import tied_equilibrium  # noqa: PLC0415  statics
 
-        held = held_joints(inputs, scene)
+        held, g = held_joints(inputs, scene), gaps(ties, chain, q, initial.time)[0]
+        for tie, own in rows_by_tie(scene.ties):
+            if tie.lengths and not tie.only and abs(g[own][0]) > 0.15 * tie.lengths[0]:
+                apart = f"{tie.lengths[0] + g[own][0]:.4g}"
+                text = f"tie.{tie.name}.lengths[0] = {tie.lengths[0]:g} m: its points are {apart} m apart at the start"
+                text = f"{text}, so the arm moves; give {apart}, or check its points"
+                warnings.warn(Diagnostic(text, "ties-closed"), RuntimeWarning, stacklevel=4)
         q = tied_equilibrium(ties, chain, q, held, *wrench_at(inputs, initial.time), initial.time)
     elif initial.passive == "static" and len(chain.active) < chain.n:
         from flexlink.dynamics.equilibrium import static_posture  # noqa: PLC0415  statics
