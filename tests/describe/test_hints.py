@@ -174,6 +174,22 @@ def test_water_a_breadth_in_millimetres_and_a_play_in_degrees_get_a_hint(mistake
     reviewed(hint.id, hint)
 
 
+def test_accelerations_beside_positions_that_stay_get_a_hint() -> None:
+    """As an accelerogram of a base is given; integrated, it gets none, nor do coarse columns of a motion."""
+    t, size = np.linspace(0, 2, 101), np.radians(2.0)
+    whole = {"angle_deg": 89 + np.cos(3 * t), "rate_deg": -3 * np.sin(3 * t), "acceleration_deg": -9 * np.cos(3 * t)}
+    record = {"angle_deg": 90 + 0 * t, "rate_deg": 0 * t, "acceleration_deg": size * np.sin(6 * t)}
+    moved = {"angle_deg": 90 + size * (t - np.sin(6 * t) / 6) / 6, "rate_deg": size * (1 - np.cos(6 * t)) / 6}
+    wrong = ["columns-disagree"]
+    for columns, every, expected in ((whole, 1, []), (whole, 25, []), (record, 1, wrong), (record | moved, 1, [])):
+        motion = {"link": "boom", "times": t[::every].tolist()}
+        motion |= {name: column[::every].tolist() for name, column in columns.items()}
+        found = CRANE.varied({"motion": [motion], "drive": None})
+        assert [hint.id for hint in hints(found)] == expected
+        for hint in hints(found):
+            reviewed(hint.id, hint)
+
+
 @pytest.mark.parametrize(("angle", "rate", "id"), [
     (lambda t: 60 * t**2 * (3 - 2 * t), lambda t: np.radians(360 * t * (1 - t)), "likely-radians"),
     (lambda t: (350 + 30 * t**2) % 360, lambda t: 60 * t, "likely-wrapped"),

@@ -1,6 +1,7 @@
 """hints(scene): reports numbers that were likely given in another unit, one line each."""
 
 import fnmatch
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -121,6 +122,12 @@ def _of_turns(scene: Scene) -> Iterator[Diagnostic]:
             if by_rates and abs(math.radians(change / by_rates) - 1) < 0.1:
                 why = f"the angles change {change / by_rates:.3g} times as fast; likely given in rad/s"
                 yield Diagnostic(f"motion.{motion.link}.rate_deg: {why}: multiply by 57.2958", "likely-radians")
+        for (key, given), (slope, slopes) in itertools.pairwise(zip(motion.keys, motion.columns, strict=True)):
+            change, mean = np.abs(np.diff(given)).sum(), (np.array(slopes[1:]) + slopes[:-1]) / 2
+            if len(given) > 8 and (sum_ := np.abs(mean * np.diff(motion.times)).sum()) > 10.0 * change:
+                why = f"adds up to {sum_:.3g}, while {key} changes by {change:.3g}; the joint follows both"
+                remedy = "integrate the record, or give a file of positions with cutoff = 'auto'"
+                yield Diagnostic(f"motion.{motion.link}.{slope}: {why}; {remedy}", "columns-disagree")
 
 
 def _looks_like_radians(value: float, coarse: int = 90) -> bool:
