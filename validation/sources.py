@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
-SOURCE_FOLDERS = ("flexlink", "validation", "models")
+SOURCE_FOLDERS = ("flexlink", "flexlink_witnesses", "validation", "models")
 DATA = {".csv", ".json", ".toml", ".urdf"}
 ELSEWHERE = {ROOT / "validation" / name for name in ("results", "cases", "tests")}
 """The store; the cases, each of which depends on its entry only; the tests."""
