@@ -98,7 +98,8 @@ def _of_angles(path: str, values: Sequence[float]) -> Iterator[Diagnostic]:
 def _of_turns(scene: Scene) -> Iterator[Diagnostic]:
     """Hints on tables through more than a turn that end at no whole degree, as degrees in a column of radians do.
 
-    Also on tables that jump by a turn, and on rates that are as much too small as radians are in degrees.
+    Also on tables that jump by a turn, on rates that are as much too small as radians are in degrees, and on columns
+    of a motion that contradict each other.
     """
     reference = scene.drive.reference
     columns = {f"motion.{motion.link}": motion.angle_deg for motion in scene.motion}
@@ -124,8 +125,8 @@ def _of_turns(scene: Scene) -> Iterator[Diagnostic]:
                 yield Diagnostic(f"motion.{motion.link}.rate_deg: {why}: multiply by 57.2958", "likely-radians")
         for (key, given), (slope, slopes) in itertools.pairwise(zip(motion.keys, motion.columns, strict=True)):
             change, mean = np.abs(np.diff(given)).sum(), (np.array(slopes[1:]) + slopes[:-1]) / 2
-            if len(given) > 8 and (sum_ := np.abs(mean * np.diff(motion.times)).sum()) > 10.0 * change:
-                why = f"adds up to {sum_:.3g}, while {key} changes by {change:.3g}; the joint follows both"
+            if len(given) > 8 and (total := np.abs(mean * np.diff(motion.times)).sum()) > 10.0 * change:
+                why = f"adds up to {total:.3g}, while {key} changes by {change:.3g}; the joint follows both"
                 remedy = "integrate the record, or give a file of positions with cutoff = 'auto'"
                 yield Diagnostic(f"motion.{motion.link}.{slope}: {why}; {remedy}", "columns-disagree")
 
