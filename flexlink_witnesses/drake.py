@@ -35,6 +35,7 @@ from flexlink.engines.coordinates import BASE_JOINTS, Coordinates, Floating
 from flexlink.engines.read_back import COUPLED_FIELDS, ReadBack
 from flexlink.formats.document import loaded_tip, tips
 from flexlink.formats.sdf import read_sdf, sdf_names, to_sdf
+from flexlink_witnesses import refuse_sampled_inputs
 
 OWN = "{urn:flexlink}"
 
@@ -159,7 +160,7 @@ class DrakeEngine(base.OtherProgram):
         problem = base.fixed_steps_problem(scene, self.title)
         if self.coordinates.reference is not None or scene.arm.has_drag:
             return self.run_in_steps(problem)
-        base.refuse_sampled_inputs(self.title, scene)
+        refuse_sampled_inputs(self.title, scene)
         methods = {"RK3": "runge_kutta3", "DOPRI5": "runge_kutta5"}  # flexlink's names → Drake's names
         base.refuse_method(self.title, run.method, methods)
         samples = t, q, qd = base.allocate_samples(problem)

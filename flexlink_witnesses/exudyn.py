@@ -32,6 +32,7 @@ from flexlink.engines import base
 from flexlink.engines.read_back import ReadBack, of_chain, to_matrices
 from flexlink.formats import read_urdf, to_urdf
 from flexlink.formats.document import loaded_tip, places
+from flexlink_witnesses import refuse_sampled_inputs
 
 METHODS = {"RK2": exu.DynamicSolverType.ExplicitMidpoint, "RK4": exu.DynamicSolverType.RK44}  # keys: flexlink's names
 UserFunction = Callable[..., Array]
@@ -81,7 +82,7 @@ class ExudynEngine(base.OtherProgram):
         largest_turn = 1.2  # largest angle of a floating base [rad]; the angle about Y is singular at 90°
         run = scene.run
         problem = base.fixed_steps_problem(scene, self.title)
-        base.refuse_sampled_inputs(self.title, scene)
+        refuse_sampled_inputs(self.title, scene)
         base.refuse_method(self.title, run.method, METHODS)
         samples = t, q, qd = base.allocate_samples(problem)
         whole = self._whole

@@ -69,12 +69,14 @@ def lump(scene: Scene) -> Chain:
     >>> print(chain.joint_names)
     ('upper', 'upper.1.z', 'upper.2.z', 'fore', 'fore.1.z', 'fore.2.z')
     """
-    arm = require_type("scene", scene, Scene).arm
-    refuse_ties(scene.ties)
-    if has_user_rules(scene):
-        return _lumped(scene)
+    refuse_ties(require_type("scene", scene, Scene).ties)
+    return _lumped(scene) if has_user_rules(scene) else _kept(scene, lambda: _lumped(scene))
+
+
+def _kept(scene: Scene, find: Callable[[], Chain]) -> Chain:
+    """The chain of an equal arm in an equal situation, if there was one lately, else the one that `find` makes."""
     known = scene.name, scene.gravity, scene.fluid_density, situation(scene), posture_of(scene)
-    return CHAINS(arm, known, lambda: _lumped(scene))
+    return CHAINS(scene.arm, known, find)
 
 
 def open_chain(scene: Scene) -> Scene:
@@ -152,8 +154,8 @@ def lump_many(scenes: Sequence[Scene]) -> list[Chain | FlexlinkError]:
     ready: dict[int, Callable[[], Chain]] = {}
     for one, members in shared.values():
         if len(members) > 1:
-            rows = zip(*_numbers(one, [scenes[k].arm for k in members]), strict=True)
-            ready |= {k: partial(_finished, one, scenes[k], *own) for k, own in zip(members, rows, strict=True)}
+            made = zip(members, *_numbers(one, [scenes[k].arm for k in members]), strict=True)
+            ready |= {k: partial(_kept, scenes[k], partial(_finished, one, scenes[k], *own)) for k, *own in made}
     return [or_error(ready.get(k, partial(lump, scene))) for k, scene in enumerate(scenes)]
 
 

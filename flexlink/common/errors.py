@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from flexlink.common.types import T
+
 
 ALSO = "; also "  # separator between two mistakes in one message
 
@@ -265,3 +267,10 @@ def or_error(function: Callable[..., Any], *arguments: object) -> Any:
         return function(*arguments)
     except FlexlinkError as error:
         return error
+
+
+def or_raise(found: T | FlexlinkError) -> T:
+    """A value, unless it is an error, which is raised."""
+    if isinstance(found, FlexlinkError):
+        raise found
+    return found

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flexlink.common.errors import FlexlinkError, or_error
+from flexlink.common.errors import FlexlinkError, or_error, or_raise
 from flexlink.common.interruption import deferred
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
@@ -96,10 +96,8 @@ class Signals:
         values, beside = neighbours(lambda points: self._many(number, points), x, steps, at)
         slopes = [np.zeros((len(block.y), len(x))) for block in self.sources[number].blocks]
         for k, one in zip(indices, beside, strict=True):
-            if isinstance(one, FlexlinkError):
-                raise one
             for j, slope in enumerate(slopes):
-                slope[:, k] = one.slope(values[j], operator.itemgetter(j))
+                slope[:, k] = or_raise(one).slope(values[j], operator.itemgetter(j))
         return values, slopes
 
     def _places(self, k: int, x: Array, places: Places, step: float) -> Places:

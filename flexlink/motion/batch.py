@@ -2,18 +2,19 @@
 
 Runs with a tolerance are simulated one by one. Each has different step lengths, and so different matrices to factorize,
 and one rejected step would delay the other seven runs. Besides, steps take only 15 to 30 % of the time of such a run
-(measured with ten joints, Radau5, 1e-4 m, 0.1 to 1 s).
+(measured with ten joints, Radau5, 1e-4 m, 0.1 to 1 s). Those that differ only in initial state are prepared once.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 from flexlink.chain.arguments import integer, require_each
 from flexlink.chain.lumping import lump_many, open_chain
-from flexlink.common.errors import FlexlinkError
+from flexlink.common.errors import FlexlinkError, or_raise
 from flexlink.common.interruption import Stop, deferred
 from flexlink.common.memo import Kept
 from flexlink.describe.scene import Scene
@@ -23,7 +24,7 @@ from flexlink.motion.budget import warn
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.inputs.step_check import check_steps
 from flexlink.motion.side_by_side import Block, Ended, Member, Run, alike, fits_lanes
-from flexlink.motion.single_run import SingleRun
+from flexlink.motion.single_run import SingleRun, prepared_run
 from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError
 from flexlink.results.trajectory import Trajectory
 
@@ -69,13 +70,9 @@ def simulate_many(scenes: Sequence[Scene], *, threads: int = 1) -> list[Trajecto
     """
     scenes, threads = require_each("scenes", scenes, Scene), integer("threads", threads, 1)
     with deferred() as stop:
-        members = []
-        for member in prepared(scenes):
-            if isinstance(member, FlexlinkError):
-                raise member
-            members.append(member)
+        members = [or_raise(member) for member in prepared(scenes)]
         with ThreadPoolExecutor(threads) as pool:
-            blocks = pool.map(lambda block: _simulated(block, Kept(), stop), list(_blocks(members)))
+            blocks = pool.map(lambda block: _simulated(block, Kept(), stop), [own for own, _ in _blocks(members, 64)])
             ends = [_ended(end) for block in blocks for end in block]
         runs = [end if isinstance(end, Trajectory) else end.trajectory for end in ends]
         for kind in (InterruptedRunError, DivergenceError):
@@ -98,7 +95,6 @@ def outcomes(scenes: Sequence[Scene], stop: Stop, *, compared: int | None = None
 def ends_of(scenes: Sequence[Scene], stop: Stop, *, compared: int | None = None) -> Iterator[Run | Outcome]:
     """Yield the `outcomes` one by one; if a member passed all checks in its block, yield a `Run` of that block."""
     members = prepared(scenes, compared)
-    kept, before = Kept(), None
     ends: deque[Run | Outcome] = deque()
     blocks = _blocks(member for member in members if isinstance(member, Member))
     for member in members:
@@ -106,11 +102,7 @@ def ends_of(scenes: Sequence[Scene], stop: Stop, *, compared: int | None = None)
             yield member
             continue
         if not ends:
-            block = next(blocks)
-            first = block[0]
-            if before is None or not (first.along and before.along and alike(before.problem, first.problem)):
-                kept, before = Kept(), first
-            ends += _simulated(block, kept, stop)
+            ends += _simulated(*next(blocks), stop)
         yield ends.popleft()
 
 
@@ -134,10 +126,9 @@ def _problems_of(scenes: Sequence[Scene]) -> list[InitialValueProblem | Flexlink
     """Return `problem_of` each scene, or its error; arms without drives and loads share their inputs."""
     found: list[InitialValueProblem | FlexlinkError] = []
     before: InitialValueProblem | None = None
-    for scene, chain in zip(scenes, lump_many([open_chain(scene) for scene in scenes]), strict=True):
+    for scene, made in zip(scenes, lump_many([open_chain(scene) for scene in scenes]), strict=True):
         try:
-            if isinstance(chain, FlexlinkError):
-                raise chain
+            chain = or_raise(made)
             shares = before is not None and not chain.has_free_base and _acts_alike(before.scene, scene)
             problem = problem_of(scene, chain, before.inputs if before is not None and shares else None, tied=True)
             before = problem if problem.base is None else before
@@ -153,30 +144,40 @@ def _acts_alike(one: Scene, scene: Scene) -> bool:
     return not moved and one.drive.kind == scene.drive.kind == "none" and one.wrench == scene.wrench
 
 
-def _blocks(members: Iterable[Member]) -> Iterator[list[Member]]:
-    block: list[Member] = []
+def _blocks(members: Iterable[Member], alone: int = 1) -> Iterator[tuple[list[Member], Kept]]:
+    """Blocks of members that run together, up to `alone` of those that run one after another, and what they share."""
+    block, kept = list[Member](), Kept()
     for member in members:
-        together = block and block[0].along and member.along and len(block) < LANES
-        if block and not (together and alike(block[0].problem, member.problem)):
-            yield block
-            block = []
+        shares = bool(block) and _together(block[0], member)
+        if block and not (shares and len(block) < (LANES if member.along else alone)):
+            yield block, kept
+            block, kept = [], kept if shares else Kept()
         block.append(member)
     if block:
-        yield block
+        yield block, kept
+
+
+def _together(one: Member, other: Member) -> bool:
+    """Whether members can run side by side, or one after another with the same workspace."""
+    a, b = one.problem, other.problem
+    if one.along or other.along:
+        return one.along and other.along and alike(a, b)
+    others = (name for name in Scene.__struct_fields__ if name != "initial")
+    return a.chain is b.chain and all(getattr(a.scene, name) == getattr(b.scene, name) for name in others)
 
 
 def _simulated(members: Sequence[Member], kept: Kept, stop: Stop) -> Sequence[Run | Outcome]:
     """Simulate members in lanes. Even a single member uses a lane, so its numbers do not depend on its neighbours."""
     if not members[0].along:
-        return [_alone(members[0], stop)]
+        return [_alone(member, kept, stop) for member in members]
     try:
         block = Block(members, kept)
     except (MemoryError, ValueError):  # ValueError: more elements than numpy can count
-        return [_alone(member, stop) for member in members]
+        return [_alone(member, kept, stop) for member in members]
     if block.integrate(stop):
         return block.ends(stop)
     if len(members) == 1:  # the run diverges; repeated alone, it reports how
-        return [_alone(members[0], stop)]
+        return [_alone(members[0], kept, stop)]
     return [end for member in members for end in _simulated([member], Kept(), stop)]
 
 
@@ -184,13 +185,18 @@ def _ended(end: Run | Outcome) -> Ended:
     """Return the outcome of a run that started; raise the error of a run that did not."""
     if isinstance(end, Run):
         return end.trajectory()
-    if isinstance(end, FlexlinkError) and not isinstance(end, DivergenceError | InterruptedRunError):
-        raise end
-    return end
+    return end if isinstance(end, DivergenceError | InterruptedRunError) else or_raise(end)
 
 
-def _alone(member: Member, stop: Stop) -> Outcome:
+def _alone(member: Member, kept: Kept, stop: Stop) -> Outcome:
+    """Simulate a member; `kept`: of members that, if their steps are adaptive, differ only in their initial state."""
+    problem = member.problem
     try:
-        return SingleRun(member.problem, warnings=member.warnings).finish(stop, compared=member.compared, warn=warn)
+        if problem.explicit:
+            run = SingleRun(problem, warnings=member.warnings)
+        else:
+            first = kept("first", None, lambda: problem)
+            run = prepared_run(dataclasses.replace(first, scene=problem.scene, q=problem.q, qd=problem.qd), kept)
+        return run.finish(stop, compared=member.compared, warn=warn)
     except (FlexlinkError, InterruptedRunError) as error:
         return error

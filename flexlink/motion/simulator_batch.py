@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import integer, positive, real_array, refuse_call, require_each
-from flexlink.common.errors import ArgumentError, FlexlinkError
+from flexlink.common.errors import ArgumentError, FlexlinkError, or_raise
 from flexlink.common.memo import Kept
 from flexlink.common.types import Array
 from flexlink.common.wording import short_list
@@ -174,8 +174,7 @@ class SimulatorBatch:
             q_start, qd_start = (None if part is None else part[row] for part in starts)
             problems.append(started(problem, started_from(problem.scene, q_start, qd_start, None)))
         for warnings in check_steps(problems):
-            if isinstance(warnings, FlexlinkError):
-                raise warnings
+            or_raise(warnings)
         for number, problem in zip(numbers, problems, strict=True):
             self._blocks[number // LANES].restart(number % LANES, problem.q, problem.qd)
         if arms is None:
@@ -284,9 +283,8 @@ class _Eight:
             array[...] = 0
 
 
-def _similar(k: int, member: Member | FlexlinkError) -> Member:
-    if isinstance(member, FlexlinkError):
-        raise member
+def _similar(k: int, found: Member | FlexlinkError) -> Member:
+    member = or_raise(found)
     if not member.along:
         expected = "fixed steps of an explicit method (run.step), dynamics 'articulated', a fixed base, "
         expected += "a constant wrench in frame 0, no force elements and no strain modes"

@@ -20,7 +20,7 @@ from typing import Generic, NamedTuple, TypeVar
 import numpy as np
 from msgspec.structs import replace
 
-from flexlink.common.errors import ArgumentError, FlexlinkError, SceneError, or_error
+from flexlink.common.errors import ArgumentError, FlexlinkError, SceneError, or_error, or_raise
 from flexlink.common.interruption import deferred
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
@@ -88,9 +88,8 @@ def neighbours(
     one of them, `one_sided` neighbours or their mirror images are tried instead.
     """
     varied = [k for k in range(len(x)) if steps[k]]
-    middle, *beside = many([x, *(moved(x, k, place * steps[k]) for k in varied for place in at[k])])
-    if isinstance(middle, FlexlinkError):
-        raise middle
+    first, *beside = many([x, *(moved(x, k, place * steps[k]) for k in varied for place in at[k])])
+    middle = or_raise(first)
     found, left = list[Neighbours[Value] | FlexlinkError](), iter(beside)
     for k in varied:
         places, values = at[k], [next(left) for _ in at[k]]

@@ -21,9 +21,9 @@ from flexlink.details import BaseState
 from flexlink.diagnosis.quantities import QUANTITIES, mixed_states
 from flexlink.dynamics import rounding
 from flexlink.engines import ENGINES, load, load_here
-from flexlink.engines.base import refuse_sampled_inputs
 from flexlink.engines.read_back import of_chain, to_chain
 from flexlink.errors import ArgumentError, DivergenceError, MissingDependencyError
+from flexlink_witnesses import refuse_sampled_inputs
 from tests.chain.test_cells import arm as cells
 from tests.conftest import MODELS, ROOT, flexible, make_scene, nasty_scene
 from tests.formats.test_coupled_files import odd

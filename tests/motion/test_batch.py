@@ -199,6 +199,46 @@ def test_drives_that_differ_do_not_act_side_by_side() -> None:
         assert not alike(one, problem_of(arm.varied({"drive": drive, f"drive.{name}": value}))), name
 
 
+PD = fl.Drive(kind="pd", kp=(50.0, 20.0), kd=(1.0, 1.0), target_deg=(10.0, 20.0))
+STARTED = {  # changes of an arm whose runs differ in their start, and changes of every second run
+    "undriven": ({}, {"initial.rate_deg": (20.0, 0.0)}),
+    "sampled": ({"drive": PD, "drive.rate": 250.0, "drive.delay": 0.004}, {"initial.rate_deg": (20.0, 0.0)}),
+    "by a model": ({"drive": PD, "drive.kind": "computed_torque"}, {"initial.rate_deg": (20.0, 0.0)}),
+    "locked": ({"drive": fl.Drive(), "link.b.joint": {"locked": True}}, {"initial.joint_deg": (-60.0, 50.0)}),
+    "driven": ({"drive": PD}, {"drive.kp": (80.0, 20.0)}),
+    "later": ({}, {"initial.time": 0.01}),
+    "fixed": ({"run": fl.RunSettings(method="Gauss4", step=2e-4, sample=1e-3, duration=0.01)}, {}),
+}
+
+
+@compiled
+@pytest.mark.parametrize("what", STARTED)
+def test_runs_with_a_tolerance_that_share_an_arm_are_those_of_single_runs(what: str) -> None:
+    changes, odd = STARTED[what]
+    arm = members("z", 1)[0].varied({"run": fl.RunSettings(tolerance=1e-5, sample=1e-3, duration=0.02), **changes})
+    starts = [{"initial.joint_deg": (-80.0 + 9 * k, 3.0 * k)} for k in range(6)]
+    scenes = [arm.varied(start | (odd if k % 2 else {})) for k, start in enumerate(starts)]
+    for threads in (1, 2):
+        for scene, many in zip(scenes, fl.simulate_many(scenes, threads=threads), strict=True):
+            one = fl.Problem(scene).simulate()
+            for name in ("t", "q", "qd", "tau", "tip", "work"):
+                np.testing.assert_array_equal(getattr(many, name), getattr(one, name), err_msg=name)
+
+
+def test_runs_that_differ_in_their_start_are_prepared_once(monkeypatch) -> None:
+    arm = members("z", 1)[0].varied({"drive": PD, "run": fl.RunSettings(tolerance=1e-4, duration=0.01)})
+    built: list[fl.Scene] = []
+
+    class Counted(SingleRun):
+        def __init__(self, problem, *given, **named) -> None:
+            built.append(problem.scene)
+            super().__init__(problem, *given, **named)
+
+    monkeypatch.setattr(sys.modules["flexlink.motion.single_run"], "SingleRun", Counted)
+    fl.simulate_many([arm.varied({"initial.joint_deg": (-80.0 + k, 3.0)}) for k in range(5)])
+    assert len(built) == 1
+
+
 def test_a_diverging_batch_member_does_not_affect_its_neighbours() -> None:
     calm = driven().varied({"run.unstable": "allow"})
     wild = calm.varied({"initial": fl.InitialState(joint_deg=(0.0, 30.0), rate_deg=(1e120, 0.0))})

@@ -24,6 +24,7 @@ from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.inputs.references import constant, reference_arrays
 from flexlink.motion.monitor import step_errors
 from flexlink.results.record import Record
+from flexlink_witnesses import refuse_sampled_inputs
 from tests.conftest import compiled, flexible, make_scene
 from tests.motion.test_ties import fourbar
 from tests.support.words import refused, reviewed
@@ -259,7 +260,7 @@ def test_invalid_control_laws_are_refused(id: str, changes: dict[str, Any]) -> N
 @pytest.mark.parametrize("engine", ["drake", "exudyn"])
 def test_engines_without_access_to_their_steps_refuse_a_sampled_law_by_name(engine: str) -> None:
     with refused(fl.errors.ArgumentError, "engine-does-not-support"):
-        base.refuse_sampled_inputs(engine, arm({**PD, "rate": 1000.0}))
+        refuse_sampled_inputs(engine, arm({**PD, "rate": 1000.0}))
 
 
 def test_a_failed_simulator_step_restores_the_torques_of_the_sampled_law() -> None:
