@@ -105,9 +105,9 @@ def _instead(of: str) -> dict[str, str]:
 
 
 def why_not(key: str, value: object, near: str = "") -> str:
-    """End of a message on an unknown key or a wrong value; a key of another table is named only if no key is `near`."""
+    """End of a message on an unknown key or a wrong value; where a key is `near`, as run to Run, no other is named."""
     by_value = _instead("values").get(value.casefold(), "") if isinstance(value, str) else ""
     tables = () if near else words()["belongs"].items()
     belongs = next((f"this key belongs to {table}" for table, keys in tables if key.casefold() in keys), "")
-    found = by_value or _instead("keys").get(key.casefold(), belongs)
+    found = by_value or (repr(key.casefold()) not in near and _instead("keys").get(key.casefold(), belongs))
     return f": {found}" if found else ""

@@ -165,16 +165,17 @@ def check_rate(initial: InitialState, drive: Drive, run: RunSettings) -> None:
     if rate is None:
         return
     period = 1 / rate
-    long, short_one = (run.label("sample", "run."), run.spacing), ("1 / rate", period)
-    if period > run.spacing:
-        long, short_one = short_one, long
+    intervals = (run.label("sample", "run."), run.spacing), ("1 / rate", period)
+    short_one, long = sorted(intervals, key=lambda interval: interval[1])
     try:
         run.require_steps("1 / rate", period)
         whole("initial.time", initial.time, "1 / rate", period)
         whole(*long, *short_one)
     except SceneError as error:
-        fitting = max(1, round(run.spacing * rate)) / rate
-        hint = "" if run.sample is not None else f"; give run.sample, such as {fitting:.6g}"
+        fits = (k / rate for k in range(1, 1000) if not (run.duration * rate % k or initial.time * rate % k))
+        written = [sample for sample in fits if float(f"{sample:g}") == sample]
+        near = min(written, key=lambda sample: abs(sample - run.spacing), default=None)
+        hint = f"; give run.sample, such as {near:g}" if near and run.sample is None and run.step is None else ""
         raise SceneError(f"drive.rate = {rate!r}: {error}{hint}") from None
     run.require_steps("drive.delay", drive.delay)
 

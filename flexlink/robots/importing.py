@@ -160,6 +160,8 @@ def import_urdf(
     loops = [*ties_of(robot, way, [one.link.name for one in parts], locked, afloat=free_base)]
     notes = [*_notes(robot, way, {*posture, *locked}, lifeless), *(note for _, note in loops), *carried, *remarks]
     notes += [] if flexible else _beams(way, largest)
+    empty = short_list([part.link for part in way.parts if not part.body.mass])
+    notes += [Diagnostic(f"no mass: {empty}; if that is not meant, add <inertial> there", "no-mass")] if empty else []
     bare = [part for part in way.parts if part.link in flexible and not robot.links[part.link].mass]
     lent = [f"{part.link}: has no <inertial>; its mass is that of {short_list(part.folded)}: check it" for part in bare]
     doubts = [*robot.doubts, *(Diagnostic(text, "no-mass") for text in lent), *(p.warning for p in parts if p.warning)]
@@ -273,14 +275,12 @@ def _beams(way: Paths, largest: Mapping[str, float]) -> list[Diagnostic]:
     """Return a note on the largest beam of each link."""
     least = 0.01  # fraction of the link's mass; below this, joints are too close, or the mass is far from their line
     share = {part.link: largest[part.link] / part.body.mass for part in way.parts if part.body.mass}
-    notes, others = list[Diagnostic](), list[str]()
+    notes = list[Diagnostic]()
     for part in way.parts:
-        if share.get(part.link, 0.0) < least:
-            others.append(part.link)
-            continue
-        most = f"at most {rounded_down(largest[part.link])} of its {part.body.mass:.4g} kg"
-        notes.append(Diagnostic(f"{part.link}: a beam from joint to joint can carry {most}", "largest-beam"))
-    if others:
+        if share.get(part.link, 0.0) >= least:
+            most = f"at most {rounded_down(largest[part.link])} of its {part.body.mass:.4g} kg"
+            notes.append(Diagnostic(f"{part.link}: a beam from joint to joint can carry {most}", "largest-beam"))
+    if others := [link for link, part in share.items() if part < least]:
         notes.append(Diagnostic(f"too compact for a beam from joint to joint: {short_list(others)}", "no-beam"))
     return notes
 

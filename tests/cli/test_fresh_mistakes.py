@@ -211,6 +211,17 @@ def test_limits_in_radians_that_exclude_the_start_are_given_in_degrees_as_well()
         SCENE.varied({"link.fore.joint.limits_deg": (-0.35, 1.05), "initial.joint_deg": (0.0, 0.0, -20.0)})
 
 
+@pytest.mark.parametrize(("rate", "duration"), [(300.0, 4.0), (700.0, 3.0), (350.0, 2.0)])
+def test_the_sample_that_a_sampled_law_suggests_is_accepted(rate: float, duration: float) -> None:
+    law = {"kind": "pd", "kp": (0.0, 1.0, 1.0), "kd": (0.0, 1.0, 1.0), "target_deg": (0.0, 0.0, 0.0), "rate": rate}
+    run = fl.RunSettings(tolerance=1e-3, duration=duration)
+    with pytest.raises(fl.errors.SceneError) as caught:
+        SCENE.varied({"drive": law, "run": run})
+    sample = float(str(caught.value).partition("give run.sample, such as ")[2])
+    assert 0.1 < sample / run.spacing < 10
+    SCENE.varied({"drive": law, "run": run, "run.sample": sample})
+
+
 @pytest.mark.parametrize("times", [1.0, 2 * np.pi])
 def test_a_shaper_in_radians_per_second_is_hinted(times: float) -> None:
     chain = fl.lump(SCENE)
@@ -232,6 +243,7 @@ MISPLACED = {
     "a table of the scene below a link": ("[[link]]", "[[link]]\ndrive = { kind = 'none' }", "unknown-key"),
     "double brackets": ("[section.square]", "[[section]]\nname = 'square'", "wrong-value"),
     "a list in quotes": ("joint_deg = [0.0, -80.0, -10.0]", "joint_deg = '0, -80, -10'", "wrong-value"),
+    "a heading in capitals": ("[run]", "[Run]", "unknown-key"),
     "a path with backslashes": ("[run]", '[run]\nmethod = "C:\\users\\rk.toml"', "not-toml"),
 }
 

@@ -161,6 +161,8 @@ NO_SCENES = {
         b"x = { young = 2.1e11, density = 7850 ]", b"x = { young = 2.1e11\n density = 7850 }",
         b"x = { young = 2.1e11 density = 7850 }", b"tip.mass = 1\ntip.mass = 2\nname = 1",
         b"[link]\nname = 1\n[link]\nname = 2", b"[link]\nname = 1\n[[link]]\nname = 2", b"locked = True", b"length 5",
+        b'length = 4.0 // m', b'{\n"name": "crane"\n}', b"joint_deg = [20; -40]", b"axis = (0, -1, 0)",
+        b"young = 210*1e9",
     ],
     "is-no-scene": [b"scene = 'arm.toml'\ngrid.x = [1, 2]", b"scene = 'arm.toml'\nparameter = []"],
     "not-utf8": [b"name = '\xff\xfe'"],
