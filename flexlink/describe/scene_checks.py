@@ -175,7 +175,7 @@ def check_rate(initial: InitialState, drive: Drive, run: RunSettings) -> None:
         fits = (k / rate for k in range(1, 1000) if not (run.duration * rate % k or initial.time * rate % k))
         written = [sample for sample in fits if float(f"{sample:g}") == sample]
         near = min(written, key=lambda sample: abs(sample - run.spacing), default=None)
-        hint = f"; give run.sample, such as {near:g}" if near and run.sample is None and run.step is None else ""
+        hint = f"; give run.sample, such as {near:g}" if near and run.sample is None and run.controlled else ""
         raise SceneError(f"drive.rate = {rate!r}: {error}{hint}") from None
     run.require_steps("drive.delay", drive.delay)
 

@@ -95,9 +95,9 @@ class Signals:
         at = [self._places(k, x, places or CENTRAL, step) for k in range(len(x))]
         values, beside = neighbours(lambda points: self._many(number, points), x, steps, at)
         slopes = [np.zeros((len(block.y), len(x))) for block in self.sources[number].blocks]
-        for k, one in zip(indices, beside, strict=True):
+        for k, one in zip(indices, map(or_raise, beside), strict=True):
             for j, slope in enumerate(slopes):
-                slope[:, k] = or_raise(one).slope(values[j], operator.itemgetter(j))
+                slope[:, k] = one.slope(values[j], operator.itemgetter(j))
         return values, slopes
 
     def _places(self, k: int, x: Array, places: Places, step: float) -> Places:

@@ -21,6 +21,7 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.budget import warn
+from flexlink.motion.inputs.drives import same_law
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.inputs.step_check import check_steps
 from flexlink.motion.side_by_side import Block, Ended, Member, Run, alike, fits_lanes
@@ -158,12 +159,12 @@ def _blocks(members: Iterable[Member], alone: int = 1) -> Iterator[tuple[list[Me
 
 
 def _together(one: Member, other: Member) -> bool:
-    """Whether members can run side by side, or one after another with the same workspace."""
+    """Whether members can run side by side, or one after another prepared once; a reference may begin at `initial`."""
     a, b = one.problem, other.problem
     if one.along or other.along:
         return one.along and other.along and alike(a, b)
-    others = (name for name in Scene.__struct_fields__ if name != "initial")
-    return a.chain is b.chain and all(getattr(a.scene, name) == getattr(b.scene, name) for name in others)
+    changed = {name for name in Scene.__struct_fields__ if getattr(a.scene, name) != getattr(b.scene, name)}
+    return changed <= {"initial"} and a.chain is b.chain and same_law(a.inputs.drive, b.inputs.drive)
 
 
 def _simulated(members: Sequence[Member], kept: Kept, stop: Stop) -> Sequence[Run | Outcome]:

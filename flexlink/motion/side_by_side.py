@@ -55,8 +55,7 @@ def alike(one: InitialValueProblem, other: InitialValueProblem) -> bool:
     a, b = one.scene, other.scene
     if not all(x is y or x == y for x, y in ((a.run, b.run), (a.motion, b.motion), (a.wrench, b.wrench))):
         return False
-    drives = one.inputs.drive, other.inputs.drive
-    return one.chain.same_layout(other.chain) and (drives[0] is drives[1] or same_law(*drives))
+    return one.chain.same_layout(other.chain) and same_law(one.inputs.drive, other.inputs.drive)
 
 
 def in_lanes(rows: Array) -> Array:

@@ -160,8 +160,6 @@ def import_urdf(
     loops = [*ties_of(robot, way, [one.link.name for one in parts], locked, afloat=free_base)]
     notes = [*_notes(robot, way, {*posture, *locked}, lifeless), *(note for _, note in loops), *carried, *remarks]
     notes += [] if flexible else _beams(way, largest)
-    empty = short_list([part.link for part in way.parts if not part.body.mass])
-    notes += [Diagnostic(f"no mass: {empty}; if that is not meant, add <inertial> there", "no-mass")] if empty else []
     bare = [part for part in way.parts if part.link in flexible and not robot.links[part.link].mass]
     lent = [f"{part.link}: has no <inertial>; its mass is that of {short_list(part.folded)}: check it" for part in bare]
     doubts = [*robot.doubts, *(Diagnostic(text, "no-mass") for text in lent), *(p.warning for p in parts if p.warning)]
@@ -232,6 +230,8 @@ def _notes(robot: Robot, way: Paths, stated: set[str], lifeless: tuple[str, ...]
             yield Diagnostic(f"{name}: limits {lower:g} and {upper:g} are {odd} and ignored", "limits-equal")
     if lifeless:
         yield Diagnostic(f"joints with no inertia attached are fixed: {short_list(lifeless)}", "joint-without-inertia")
+    if empty := short_list([part.link for part in way.parts if not part.body.mass]):
+        yield Diagnostic(f"no mass: {empty}; if that is not meant, add <inertial> there", "no-mass")
     if way.held:
         positions = [f"{name} at {way.positions[name]:.4g}" for name in way.held]
         yield Diagnostic(f"fixed at [rad, m]: {short_list(positions)}", "joint-fixed")

@@ -200,12 +200,19 @@ def test_drives_that_differ_do_not_act_side_by_side() -> None:
 
 
 PD = fl.Drive(kind="pd", kp=(50.0, 20.0), kd=(1.0, 1.0), target_deg=(10.0, 20.0))
+MOVE = {
+    "kind": "pd", "kp": (50.0, 20.0), "kd": (1.0, 1.0),
+    "reference": {"profile": "quintic", "to_deg": (10.0, 20.0), "duration": 0.01},
+}  # fmt: skip
 STARTED = {  # changes of an arm whose runs differ in their start, and changes of every second run
     "undriven": ({}, {"initial.rate_deg": (20.0, 0.0)}),
     "sampled": ({"drive": PD, "drive.rate": 250.0, "drive.delay": 0.004}, {"initial.rate_deg": (20.0, 0.0)}),
     "by a model": ({"drive": PD, "drive.kind": "computed_torque"}, {"initial.rate_deg": (20.0, 0.0)}),
     "locked": ({"drive": fl.Drive(), "link.b.joint": {"locked": True}}, {"initial.joint_deg": (-60.0, 50.0)}),
     "driven": ({"drive": PD}, {"drive.kp": (80.0, 20.0)}),
+    "to a target": ({"drive": MOVE}, {}),
+    "from a place": ({"drive": MOVE, "drive.reference.from_deg": (-60.0, 5.0)}, {}),
+    "loaded": ({}, {"wrench": fl.Wrench(force=(9.0, 2.0, 3.0))}),
     "later": ({}, {"initial.time": 0.01}),
     "fixed": ({"run": fl.RunSettings(method="Gauss4", step=2e-4, sample=1e-3, duration=0.01)}, {}),
 }

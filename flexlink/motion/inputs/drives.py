@@ -74,7 +74,7 @@ def effort_of(scene: Scene, chain: Chain) -> Array:
 
 def same_law(a: Drive, b: Drive) -> bool:
     """Whether two drives are equal except for their rigid models, so that they can act side by side."""
-    return all(map(np.array_equal, _numbers(a), _numbers(b)))
+    return a is b or all(map(np.array_equal, _numbers(a), _numbers(b)))
 
 
 def _numbers(drive: Drive) -> tuple[Any, ...]:
