@@ -16,8 +16,6 @@ import sys
 import tempfile
 from pathlib import Path
 
-from sphinx.cmd.build import main as sphinx
-
 from docs import snippets
 from docs.generators import extras, readme
 
@@ -39,6 +37,10 @@ def main() -> int:
     if options.readme or options.extras:
         (readme if options.readme else extras).write()
         return 0
+    try:
+        from sphinx.cmd.build import main as sphinx  # noqa: PLC0415  # the other options work without it
+    except ImportError:
+        parser.error("needs Sphinx: pip install -e '.[docs]'")
     os.environ.setdefault("MPLBACKEND", "agg")
     builder = "linkcheck" if options.links else "dummy" if options.check else "html"
     quick = options.quick or options.check

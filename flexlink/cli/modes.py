@@ -108,8 +108,9 @@ def _modes(scene: Scene, options: argparse.Namespace) -> tuple[Chain, Modes, str
         found = modes_in_motion(chain, rates, posture, tip_wrench=wrench, frame=frame, locked=locked, count=count)
         return chain, found, first_in_motion(found, options.rate)
     found = modes(chain, posture, locked=locked, tip_wrench=wrench, frame=frame, count=options.count, ties=scene)
-    at_rest = first_elastic(elastic_hertz(scene, chain, posture)) if not scene.ties else ""
-    return chain, found, at_rest or first_in_motion(found, ["ties"])
+    if held := ["ties"] * bool(scene.ties) + [f"{', '.join(options.lock)} locked"] * bool(options.lock):
+        return chain, found, first_in_motion(found, held)
+    return chain, found, first_elastic(elastic_hertz(scene, chain, posture))
 
 
 def _predicted(scene: Scene, options: argparse.Namespace) -> Array:

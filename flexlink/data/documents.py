@@ -22,6 +22,8 @@ def require_path(name: str, value: object) -> Path:
     if not isinstance(value, str | os.PathLike):
         text = f"{name} = {truncated(value)}: expected a str or a Path, got {type(value).__name__}"
         raise ArgumentError(text, id="wrong-type")
+    if "\n" in str(value):
+        raise ArgumentError(f"{name} = {truncated(value)}: is a text; give the path of a file with it", id="wrong-type")
     return Path(value)
 
 
@@ -143,13 +145,13 @@ def shown_path(path: str | Path) -> str:
 def read_regular(path: Path, *, largest: int, error: type[FlexlinkError]) -> bytes:
     """Return the bytes of a regular file of at most `largest` bytes; a pipe, which might block forever, is refused."""
     try:
-        if not (stat.S_ISREG(mode := path.stat().st_mode) or stat.S_ISDIR(mode)):  # `open` refuses a folder clearly
-            raise OSError(errno.EINVAL, "is a pipe or a device; give a regular file")
+        if not stat.S_ISREG(mode := path.stat().st_mode):
+            name = "a folder; name a file in it" if stat.S_ISDIR(mode) else "a pipe or a device; give a regular file"
+            raise OSError(errno.EINVAL, f"is {name}")
         with path.open("rb") as file:
             data = file.read(largest + 1)
     except (OSError, ValueError) as reason:  # ValueError: a null character in the path
-        why = "is a folder; name a file in it" if path.is_dir() else getattr(reason, "strerror", reason)
-        raise error(f"{path}: cannot be read: {why}", id="cannot-read") from None
+        raise error(f"{path}: cannot be read: {getattr(reason, 'strerror', reason)}", id="cannot-read") from None
     if len(data) > largest:
         raise error(f"{path}: more than {largest} bytes; give a smaller file", id="file-too-large")
     return data

@@ -141,6 +141,14 @@ class Spec(
         value = operator.attrgetter(key)(self)
         return SceneError(f"{key} = {repr(value) if isinstance(value, str) else truncated(value)}: {why}", id=id)
 
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Name the part with the attribute that this description lacks."""
+            parts = [(each.name, bare_type(each.type)) for each in fields_of(type(self)) if not name.startswith("_")]
+            has = [f"; see {part}.{name}" for part, kind in parts if is_record(kind) and hasattr(kind, name)]
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}{''.join(has[:1])}")
+
     def __repr__(self) -> str:
         """Fields that differ from their defaults; long texts and tables are truncated."""
         fields = [
@@ -326,23 +334,14 @@ def _check_finite(value: object, kind: Any, path: str) -> None:
 
 def _flaw(value: object) -> tuple[Any, ...] | None:
     """Keys that lead to the first infinite, nan or unordered item in a value, followed by the reason; or None."""
-    if type(value) in {str, int, bool, NoneType}:
-        return None
     if isinstance(value, float):
         return None if math.isfinite(value) else (f"{value!r}: must be a finite number",)
-    if isinstance(value, (str, int, Spec)):  # contains no float, or is already checked
+    if isinstance(value, (str, int, NoneType, Spec)):  # contains no float, or is already checked
         return None
     if isinstance(value, (set, frozenset)):
         return (f"{truncated(value)}: a set has no order; expected a list",)
-    items: Iterable[tuple[Any, object]] = ()
-    if isinstance(value, Mapping):
-        items = value.items()
-    elif isinstance(value, (list, tuple)):
-        items = enumerate(value)
-    for key, item in items:
-        if (flaw := _flaw(item)) is not None:
-            return key, *flaw
-    return None
+    items = value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, list | tuple) else ()
+    return next(((key, *flaw) for key, item in items if (flaw := _flaw(item)) is not None), None)
 
 
 def mistakes(raw: Any, kind: Any, path: str = "") -> list[Diagnostic]:

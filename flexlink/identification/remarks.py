@@ -29,12 +29,9 @@ def notes(sources: Sequence[Source]) -> list[Diagnostic]:
         several = len({len(block.y) for block in source.blocks}) > 1 and source.is_run
         names = ", ".join(f"{block.name} ({len(block.y)})" if several else block.name for block in source.blocks)
         use, count = f" ({source.use})" if source.use != "fit" else "", max(len(block.y) for block in source.blocks)
-        if source.is_run:
-            text = f"{source.name}{use}: {names}; {count} samples at {source.rate:.4g} Hz, {source.shows}"
-            found.append(Diagnostic(text, "data-read"))
-            found += _doubts(source)
-        else:
-            found.append(Diagnostic(f"{source.name}{use}: {names}; {plural(count, 'number')}", "data-read"))
+        text = f"{count} samples at {source.rate:.4g} Hz, {source.shows}" if source.is_run else plural(count, "number")
+        found.append(Diagnostic(f"{source.name}{use}: {names}; {text}", "data-read"))
+        found += _doubts(source) if source.is_run else []
         steps = {block.name: np.diff(block.t) for block in source.blocks if block.t is not None}
         uneven = [name for name, between in steps.items() if np.ptp(between) > even * between.mean()]
         if uneven:

@@ -317,3 +317,25 @@ def test_a_stored_run_is_no_scene(tmp_path: Path) -> None:
     place = fl.simulate(SCENE, duration=0.0).save(tmp_path / "run.npz")
     with refused(fl.errors.SceneError, "not-utf8", values=False):
         fl.load_scene(place)
+
+
+def test_the_text_of_a_scene_is_no_path() -> None:
+    with refused(fl.errors.ArgumentError, "wrong-type"):
+        fl.load_scene('name = "arm"\n[[link]]\nlength = 1.0\n' * 20)
+
+
+def test_an_attribute_of_a_part_is_named_there() -> None:
+    with pytest.raises(AttributeError, match=r"'links'; see arm\.links$"):
+        _ = SCENE.links  # type: ignore[attr-defined]
+    assert not hasattr(SCENE, "__array__")
+
+
+def test_modes_of_locked_joints_end_with_their_own_first_frequency(capsys) -> None:
+    firsts = []
+    for lock in ([], ["--lock", "upper", "fore"], ["--lock", "upper"]):
+        assert main(["modes", "models/paper_fig5.toml", *lock]) == 0
+        firsts.append(capsys.readouterr().out.splitlines()[-1])
+    driven, held, one = (float(line.split(" Hz, ")[-2].rpartition(" ")[2]) for line in firsts)
+    assert held == pytest.approx(driven, rel=1e-5)  # at rest its weight bends the arm
+    assert one > 2 * held  # the forearm swings
+    reviewed("cli: first elastic frequency, locked", firsts[2])
