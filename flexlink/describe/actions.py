@@ -7,7 +7,7 @@ import numpy as np
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import both_given, missing, truncated
-from flexlink.describe.joint_units import IN_METRES_OF_MOTION, OF_JOINT, OF_MOTION, TWINS, KindOfJoint, Row
+from flexlink.describe.joint_units import IN_METRES_OF_MOTION, OF_JOINT, OF_MOTION, TWINS, KindOfJoint, Row, in_si
 from flexlink.describe.numbers import check_table, require_increasing
 from flexlink.describe.spec import Positive, Spec, Vector3, measured_in
 
@@ -85,6 +85,10 @@ class PrescribedMotion(Spec, frozen=True):
     def slides(self) -> bool:
         """Whether the joint is prismatic."""
         return self.angle_deg is None and any(getattr(self, name) is not None for name in IN_METRES_OF_MOTION)
+
+    def in_si(self) -> Array:
+        """Rows `columns` in rad or m, shape (3, times)."""
+        return in_si([self.slides], np.array(self.columns)[..., None])[..., 0]
 
     @property
     def terms(self) -> KindOfJoint:

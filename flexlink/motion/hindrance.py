@@ -37,7 +37,7 @@ def slow_progress(record: Record, state: Sequence[Array], t: float, how: str) ->
         cause, advice = known
         return f"{text}; {cause}", advice
     k, own = int(np.argmax(np.abs(qdd))), "" if record.run.method == AUTO else "method = 'auto', "
-    at = chain.place_in_words(k, float(q[k]), ".3g" if chain.slides[k] else ".1f")
+    at = chain.place_in_words(k, float(q[k]), ".3g")
     worst = f"joint {chain.joint_name(k)!r} at {at} has the largest acceleration"
     return f"{text}; {worst}", f"try {own}a larger tolerance or fixed steps, or raise max_evaluations"
 

@@ -147,7 +147,7 @@ def _check_fit(joint: TreeJoint, span: str) -> None:
     if joint.kind in {"floating", "planar"}:
         base = f"--base {joint.child}{' --free-base' * (joint.kind == 'floating')}"
         remedy = f"begin beyond it, for example with {base}, or name tips that are not beyond it"
-        why = f"{where} is {joint.kind}; only hinges and slides can move: {remedy}"
+        why = f"{where} is {joint.kind}; a joint of an arm has one coordinate: {remedy}"
         raise ArgumentError(why, id="joint-type-in-file")
     if joint.mimic is not None:
         remedy = f"lock it, for example with --locked {joint.name}=0.0{'' if joint.turns else ' (m)'}"

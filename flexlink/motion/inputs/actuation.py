@@ -9,7 +9,6 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame, PrescribedMotion
-from flexlink.describe.joint_units import in_si
 from flexlink.describe.profiles import quintics
 from flexlink.describe.scene import Scene
 from flexlink.kernels.geometry.branches import loaded_body, path_to
@@ -89,8 +88,7 @@ def motion_arrays(scene: Scene, chain: Chain) -> MotionTable:
 @functools.lru_cache(maxsize=64)
 def _pieces(motion: PrescribedMotion) -> Array:
     """Quintic Hermite pieces, followed by a piece with the final rate; cached for all models of a scene."""
-    columns = [in_si([motion.slides], np.array(column)[:, None])[:, 0] for column in motion.columns]
-    pieces = quintics(motion.times, np.column_stack(columns))
+    pieces = quintics(motion.times, motion.in_si().T)
     pieces.flags.writeable = False
     return pieces
 

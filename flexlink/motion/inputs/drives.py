@@ -12,7 +12,6 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.memo import Memo, keep_last
 from flexlink.common.types import Array, Indices
-from flexlink.describe.joint_units import in_si, together
 from flexlink.describe.scene import Scene, bare_and_rigid
 from flexlink.dynamics.filters import linear_filter, transition
 from flexlink.dynamics.forces import Gains
@@ -176,7 +175,7 @@ def _servo_of(scene: Scene, chain: Chain) -> Array:
     """k_i, v_max [rad/s, m/s], rate feedforward and inertia of each driven joint, shape (d, 4), as in `cascade`."""
     drive, links = scene.drive, _links_of(chain)
     nothing = (0.0,) * len(scene.arm.links)
-    fastest = in_si(scene.arm.slides, together(scene.arm.slides, drive.max_rate_deg, drive.max_rate_m))
+    fastest = scene.arm.in_si(scene.arm.own(drive.max_rate_deg, drive.max_rate_m))
     found = np.zeros((len(links), 4))
     found[:, 0] = np.array(drive.ki or nothing)[links]
     found[:, 1] = np.where(fastest > 0.0, fastest, np.inf)[links]
