@@ -50,9 +50,11 @@ def judges() -> tuple[Judge, ...]:
 def imports_of(oracle: str) -> set[str]:
     """Modules of flexlink that a file in validation/oracles/ imports, directly or through another such file."""
     tree = ast.parse((ORACLES / f"{oracle}.py").read_text(encoding="utf-8"))
-    modules = {node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+    own = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    modules = {node.module or "" for node in own}
     modules |= {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
-    others = {name.rpartition(".")[2] for name in modules if name.startswith("validation.oracles.")}
+    inside = modules | {f"{node.module}.{alias.name}" for node in own for alias in node.names}
+    others = {name.split(".")[2] for name in inside if name.startswith("validation.oracles.")}
     found = {name for name in modules if name.partition(".")[0] == "flexlink"}
     return found.union(*map(imports_of, others))
 
