@@ -1,6 +1,7 @@
 """The map of extreme scenes: its cells, their scenes and states, and a command that repeats one cell."""
 
 import sys
+from collections.abc import Iterable
 
 import numpy as np
 import pytest
@@ -10,12 +11,13 @@ from flexlink.describe.spec import decode
 from reports.figures.extremes import extreme_runs
 from reports.results import Results
 from validation import cell
-from validation.case import CASES, load_case
+from validation.case import CASES, Measured, load_case
 from validation.extremes.cells import Cell, Map
 from validation.extremes.families import FAMILIES, Family, moving
+from validation.extremes.outcomes import Outcome, RunOutcome
 from validation.kinds import digits, extremes
 from validation.measuring import kind_of
-from validation.store import Store
+from validation.store import Series, Store
 from validation.tests.studies import row, stored
 
 MAP = {
@@ -84,6 +86,35 @@ def test_an_accidentally_exact_engine_does_not_tighten_the_error_limit() -> None
     assert digits.CellErrors(16, 1.0, errors, "").ratio("M") == pytest.approx(40.0)
 
 
+def test_errors_of_a_mass_matrix_are_relative_to_its_largest_element_or_to_those_of_each_joint() -> None:
+    exact = np.array([[4.0, 1.0], [1.0, 1.0]])
+    value = np.array([[4.0, 1.02], [1.02, 1.0]])
+    assert [digits._error(name, value, exact) for name in ("M", "M, scaled")] == pytest.approx([0.02 / 4, 0.02 / 2])
+
+
+def measurements(found: Iterable[Measured | Series]) -> dict[str, float]:
+    return {each.quantity: each.value for each in found if isinstance(each, Measured)}
+
+
+def test_false_doubts_are_a_share_of_the_judged_cells() -> None:
+    outcomes: tuple[Outcome, ...] = ("within", "within", "warned", "false doubt", "error", "unknown")
+    how = extremes.HowTo("native", "RK4", "step", 0.1, 0)
+    cells = [extremes.Cell("plane", {}, how, RunOutcome(outcome, 1.0, "", 0.0)) for outcome in outcomes]
+    found = measurements(extremes._counts("native", {}, cells))
+    assert [*found.values()][-3:] == [6, 4, 0.25]  # cells, those judged, share
+
+
+def test_a_promise_is_broken_silently_only_without_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs by their error in tolerances, stated over true error, and whether they warn."""
+    runs = [(0.05, 9.0, False), (0.5, 1.0, True), (40.0, 2.0, True), (20.0, 0.2, False), (30.0, 8.0, True)]
+    found = [extremes.Found("plane", 0, 1e-3, "RK4", *run) for run in runs]
+    monkeypatch.setattr(extremes, "_runs", lambda *_: iter(found))
+    shares = measurements(extremes.promises(load_case(CASES / "extremes.toml"), ("plane",), 1, (1e-3,)))
+    number, largest, beyond, silent, needless, honest, smallest = shares.values()
+    assert (number, largest, beyond, silent) == (5, 40.0, 0.6, 1)
+    assert (needless, honest, smallest) == (0.2, 0.5, 0.2)
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_states_have_the_given_distance_from_gimbal_lock(sign: float) -> None:
     chain = fl.lump(fl.load_scene(CASES.parent / "scenes" / "extreme_arm.toml"))
@@ -106,7 +137,7 @@ def test_the_cell_command_prints_the_error_of_each_engine(monkeypatch, capsys) -
 def test_the_figure_of_runs_lists_silent_errors_with_engine_and_command(tmp_path) -> None:
     step, both = ("RK4", "step", 0.1, 0), {"young": 1.0, "mass": 2.0}
     found = [
-        extremes.Cell("plane", values, extremes.HowTo(engine, *step), extremes.RunOutcome(outcome, 1.0, "", 0.0))
+        extremes.Cell("plane", values, extremes.HowTo(engine, *step), RunOutcome(outcome, 1.0, "", 0.0))
         for values in ({"young": 1.0}, {"young": 3.0}, both)
         for engine in ("native", "mujoco")
         for outcome in ("error", "silent wrong" if engine == "mujoco" and values != {"young": 3.0} else "within")

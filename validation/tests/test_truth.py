@@ -15,6 +15,7 @@ from flexlink.describe.vary import to_document
 from validation.advice import truth
 from validation.advice.scenes import random_scene, released_scene, robot_scene, tumbling_scene
 from validation.extremes import outcomes
+from validation.kinds import advice
 from validation.random_arms import random_arm, random_tree
 
 
@@ -134,6 +135,23 @@ def test_the_cheapest_model_equals_that_of_an_exhaustive_search(runs: type[Runs]
     true = truth.Truth(PATH, 1.0, np.zeros(3))
     found = truth.cheapest(SCENE, true, dict.fromkeys(tolerances, math.inf), ("z",) * links)
     assert found == pytest.approx(best)
+
+
+@pytest.mark.parametrize(("error", "stated", "doubt", "known", "wrong", "too_little"), [
+    (1.2, 1.5, 0.1, 1, 1, 0), (1.2, 1.5, 0.11, 0, 0, 0), (1.0, 0.95, 0.1, 1, 0, 0), (1.0, 0.85, 0.1, 1, 0, 1),
+])  # fmt: skip
+def test_advice_is_judged_where_its_reference_is_known_to_a_tenth_of_the_tolerance(
+    error: float, stated: float, doubt: float, known: int, wrong: int, too_little: int
+) -> None:
+    """True error, stated error and uncertainty of the reference, in units of the tolerance."""
+    said = SimpleNamespace(
+        met=True, converged_tip=PATH, error=stated, tolerance=1.0, scene=SCENE, compute_time=1.0, run_time=1.0
+    )  # fmt: skip
+    true = truth.Truth(PATH, 1.0, np.full(3, doubt))
+    cell: Any = advice.Cell("arm", 0.1, said, error, 1.0, 1.0, 1.0, 1.0, true, PATH)  # type: ignore[arg-type]
+    found = {each.quantity: each.value for each in advice._summary([cell], [])}
+    counts = [found[name] for name in ("cells", "cells judged", "met, but is not", "stated too little")]
+    assert counts == [1, known, wrong, too_little]
 
 
 @pytest.mark.parametrize(("error", "apart", "doubted", "outcome"), [

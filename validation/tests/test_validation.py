@@ -640,6 +640,16 @@ def test_a_study_prints_its_verdict_even_if_the_report_cannot_be_written(tmp_pat
     assert shown.err == f"validation: {OutputError('disk full')}\n"
 
 
+def test_a_case_has_no_series_of_a_case_whose_name_begins_with_its_own(tmp_path):
+    store, both = Store(tmp_path), ("arm", "arm_two")
+    store.prepare(both)
+    for case in both:
+        store.add_series(case, Series("sweep", case, {"x": np.ones(1)}, "x", "x", "y"))
+    assert [store.series(case)["sweep"].title for case in both] == [*both]
+    store.forget("arm")
+    assert [len(store.series(case)) for case in both] == [0, 1]
+
+
 @pytest.mark.slow
 def test_the_store_does_not_import_engines_or_rich():
     code = "import sys, validation.store; print([m for m in ('pinocchio', 'mujoco', 'rich') if m in sys.modules])"

@@ -20,8 +20,9 @@ from reports.findings.physics import physics_published
 from reports.reference import Reference, read, save
 from reports.results import Results
 from reports.speed_limits import reason_of, reasons, speed_table
+from reports.verdict import verification
 from tests.support.words import refused, reviewed
-from validation.judgement import passing
+from validation.judgement import judged_rows, passing, speed
 from validation.kinds import KINDS
 from validation.store import Conditions, Finished, Store
 from validation.tests.studies import (
@@ -186,6 +187,19 @@ def test_a_study_killed_in_its_first_case_has_no_passed_checks(tmp_path: Path) -
     assert "Verification: INCOMPLETE" in shown
     assert "1 of 1 case" in shown
     assert f"Title of {'only'}): " in shown
+
+
+def test_a_study_without_a_check_has_no_verdict(tmp_path: Path) -> None:
+    assert verification(Results.read(stored(tmp_path, row(tolerance=None)))).word == "INCOMPLETE"
+
+
+def test_limits_of_unfinished_cases_are_not_measured_and_the_busiest_machine_is_named() -> None:
+    """Three of four cores are busier than four of eight."""
+    loads = {"a": Conditions(3.0, 0.0, 4), "b": Conditions(4.0, 0.0, 8)}
+    finished = {case: Finished("k", DATE, "A processor", load) for case, load in loads.items()}
+    rows = [dataclasses.replace(timed(0.5), case=case) for case in ("a", "b", "unfinished")]
+    found = speed(judged_rows(rows, finished))
+    assert (len(found.met), len(found.unmeasured), found.worst) == (0, 3, loads["a"])
 
 
 def test_results_of_older_sources_are_left_out(tmp_path: Path) -> None:
