@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 from docs.generators.study import rows as stored_rows
 from flexlink.common.errors import ArgumentError, DataFileError
 from flexlink.describe.scene_file import load_scene
+from reports.figures.checks import _figure
 from reports.measurements import Group, expectation, groups_of, lines_of
 from reports.measurements import table as table_of
 from tests.support.words import refused, reviewed
@@ -252,6 +253,7 @@ def group_of(name: str, E: list[float], u: float, verdicts: list[str], held_out:
     """A group of readings of 100, whose held-out errors are a tenth of those with nothing fitted."""
     E = np.array(E)
     columns = {
+        "quantity": np.full(len(E), name),
         "S": 100 + E,
         "D": np.full(len(E), 100.0),
         "E": E,
@@ -274,8 +276,16 @@ def test_a_reading_that_cannot_decide_is_not_counted_and_what_is_refuted_is_not_
     assert (lines.free.counts, lines.held_out.counts, lines.undecided) == ("1 of 4", "2 of 4", 1)
     assert bent.free.rms == pytest.approx(math.sqrt(37.0)) and bent.held_out.rms == pytest.approx(math.sqrt(0.37))
     assert bent.predicted and not twist.predicted
+    assert [lines_of([group_of("g", [1.0], 1.0, [each], [""])]).all_agree for each in (good, bad, vague)] == [
+        True, False, False,
+    ]  # fmt: skip
     text = expectation([bent, twist])
     reviewed("measured arms: expectation", text)
+
+
+def test_a_bar_is_the_error_with_two_standard_uncertainties():
+    drawn = _figure([group_of("frequency", [5.0], 1.5, [kind.VERDICTS[0]], [""])]).axes[0].lines
+    assert [np.asarray(line.get_xdata()).tolist() for line in drawn] == [[2.0, 8.0], [5.0], [0.0, 0.0]]
 
 
 def test_a_comparison_with_fitted_inputs_is_not_one_from_a_drawing():

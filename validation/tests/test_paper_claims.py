@@ -164,11 +164,13 @@ def test_a_claim_of_two_cases_has_the_verdict_of_the_case_with_more_arms(tmp_pat
 
 @pytest.mark.parametrize(("note", "word", "look"), [
     ("holds", "confirmed", "pass"), ("holds for T1; not for T3", "confirmed within limits", "doubt"),
-    ("does not hold", "refuted", "doubt"),
+    ("does not hold", "refuted", "doubt"), ("no: the opposite holds", "refuted", "doubt"),
+    ("holds|does not hold", "confirmed; refuted", "doubt"),
 ])  # fmt: skip
 def test_a_passed_case_is_not_green_if_it_refutes_the_claim(tmp_path, note, word, look):
-    claim = row(kind="paper_types", quantity="claim", note=note, tolerance=None)
-    page = words_from(stored(tmp_path / "results", row(kind="paper_types"), claim), tmp_path)
+    notes = note.split("|")
+    claims = [row(kind="paper_types", quantity="claim", note=each, tolerance=None) for each in notes]
+    page = words_from(stored(tmp_path / "results", row(kind="paper_types"), *claims), tmp_path)
     state = f'<details class="case {look}"><summary><span class="state">{word}</span>'
     assert state in page
 

@@ -33,7 +33,7 @@ from reports.figures.trade import Word, place_words
 from reports.findings.paper import conclusion as judge
 from reports.findings.paper import evaluations
 from reports.results import Results, used
-from reports.tables import checks, limit, meanings
+from reports.tables import checks, limit, meanings, series_csv
 from reports.verdict import Fact, numbers_that_matter
 from tests.support.words import refused, reviewed
 from validation.judgement import judged_rows
@@ -233,6 +233,14 @@ def test_csv_reads_back_exactly(tmp_path: Path) -> None:
         (read,) = csv.DictReader(file)
     assert float(read["value"]) == value
     assert read["reason"] == REASON
+
+
+def test_a_line_of_a_figures_data_has_panel_and_curve() -> None:
+    columns = {"t": np.array([0.5]), "y": np.array([2.0]), "scene": np.array(["arm"]), "rule": np.array(["gauss"])}
+    series = Series("sweep", "Title", columns, "t", "t [s]", "y [m]", group="rule", panel="scene")
+    assert [*csv.reader(series_csv(series).splitlines())] == [
+        ["series", "panel", "curve", "column", "t [s]", "y [m]"], ["sweep", "arm", "gauss", "y", "0.5", "2.0"],
+    ]  # fmt: skip
 
 
 def test_the_share_of_a_limit_exceeds_one_exactly_if_the_check_fails() -> None:

@@ -253,8 +253,8 @@ def results(tmp_path):
 
 def test_the_error_table_names_the_largest_part_and_leaves_zeros_empty(results):
     (found,) = finding.errors_split(results)
-    assert [(line[0], line[1], line[-1]) for line in found.lines] == [
-        ("arm: coarse", None, "space"), ("arm: slack", None, "time"),
+    assert [(*line[:3], line[-1]) for line in found.lines] == [
+        ("arm: coarse", None, "2", "space"), ("arm: slack", None, "0.01", "time"),
     ]  # fmt: skip
     text = " ".join(found.sentences)
     assert "2 runs" in text and " 1 of " in text and " 1 %" in text
