@@ -127,6 +127,14 @@ def test_added_inertia_is_infinite_for_a_joint_without_inertia() -> None:
     assert added_inertia(chain, np.zeros(chain.n), mass=1e-9) == np.inf
 
 
+def test_a_body_with_inertia_alone_gets_no_small_mass() -> None:
+    rotor, rod = (fl.RigidBody(inertia=(0.1, 0.2, 0.3)), fl.RigidBody(mass=1.0, center=(0.5, 0.0, 0.0)))
+    chain = fl.lump(make_scene(fl.Link(name="rotor", hub=rotor), fl.Link(name="rod", hub=rod)))
+    M = fl.mass_matrix(chain, [0.0, 0.0])
+    assert M[0, 0] == pytest.approx(0.3 + 0.25)
+    assert (fl.mass_matrix(with_small_mass(chain, mass=1e-3), [0.0, 0.0]) == M).all()
+
+
 def test_files_with_small_masses_read_back_and_are_read_by_mujoco(capsys, tmp_path) -> None:
     pytest.importorskip("mujoco")
     chain = with_small_mass(fl.lump(make_scene(flexible("upper"), fl.Link(name="wrist"))), mass=1e-6)

@@ -75,6 +75,11 @@ def test_a_stiffness_and_a_rotor_are_offered_by_options_that_work(attribute: str
     assert {"K": joint.gear_stiffness, "rotor_inertia": joint.armature}[attribute] == 70
 
 
+def test_a_stiffness_of_zero_is_not_offered(tmp_path: Path) -> None:
+    path = saved(tmp_path, RandomRobot(1).text().replace('damping="0.5"', 'damping="0.5" K="0"'))
+    assert {one.id for one in fl.import_urdf(path).warnings} <= {"mimic-fixed"}
+
+
 def fingers(tmp_path: Path, names: str = "abc") -> Path:
     """A hand on a fixed palm: `a` slides, the slide `b` and the hinge `c` follow it, `d` turns on `b`."""
     random = np.random.default_rng(2)
@@ -111,6 +116,10 @@ def test_a_follower_on_the_path_moves_by_a_tie_as_in_pinocchio(slides: bool, tmp
     path = saved(tmp_path, f'<robot name="arm">{"".join(parts)}</robot>', "arm")
     found = fl.import_urdf(path, tip="hand", posture={"to_upper": 0.4})
     reviewed("import: mimic-tied", line(str(found), "to_fore: moves by"))
+    assert found.path.parts[1].joint.limits == pytest.approx((-2.3, 2.7))  # from its offset
+    still = saved(tmp_path, path.read_text(encoding="utf-8").replace('"-0.7"', '"0"'), "still")
+    with pytest.raises(ArgumentError, match=r"to_fore=0\.0"):
+        fl.import_urdf(still, tip="hand")
     run = fl.simulate(found.scene, duration=0.5, sample=0.1, tolerance=1e-8)
     np.testing.assert_allclose(run.q[:, 1], -0.7 * run.q[:, 0], rtol=0, atol=1e-12)
     model = coupled(path)

@@ -14,16 +14,17 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import flexlink as fl
-from flexlink.chain.rigid import Pose, SpatialInertia, body_with
+from flexlink.chain.rigid import NOTHING, Pose, SpatialInertia, body_with
 from flexlink.cli import import_robot
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.describe.directions import line_of
 from flexlink.diagnosis.quantities import random_states
 from flexlink.dynamics.rounding import acceleration_error, in_units, of_bias_torque, of_mass_matrix
 from flexlink.robots.collection import KnownArm
-from flexlink.robots.flexible import FlexibleLink, _prism, bent, cut, largest_mass, payload
+from flexlink.robots.flexible import FlexibleLink, _prism, bent, cut, largest_mass, payload, rounded_down
 from flexlink.robots.importing import ImportResult, clamped_frequency, import_urdf
 from flexlink.robots.kinematic_tree import Mimic, Robot, positions_of
+from flexlink.robots.paths import Part, Paths, Tip
 from flexlink.robots.robot_file import read_robot
 from tests.support.urdf_texts import RandomRobot, saved
 from tests.support.words import line, refused, reviewed
@@ -181,10 +182,27 @@ def test_rounding_errors_of_a_point_mass_are_corrected_and_larger_errors_kept() 
     assert payload(SpatialInertia(0.526, center, larger)).matrix.tolist() == larger.tolist()
 
 
-def test_limits_of_1e16_mean_no_limits(tmp_path: Path) -> None:
-    path = saved(tmp_path, RandomRobot(0).text().replace('lower="-3" upper="3"', 'lower="-1e16" upper="1e16"'))
+@pytest.mark.parametrize("upper", ["1e16", "3"])
+def test_limits_of_1e16_mean_no_limits(tmp_path: Path, upper: str) -> None:
+    path = saved(tmp_path, RandomRobot(0).text().replace('lower="-3" upper="3"', f'lower="-1e16" upper="{upper}"'))
     imported = import_urdf(path, tip="p8", locked={"j4": 0.0})
     assert {link.joint.limits_deg for link in imported.scene.arm.links} == {None}
+
+
+def test_equal_limits_are_ignored_also_for_a_given_position(tmp_path: Path) -> None:
+    path = saved(tmp_path, RandomRobot(0).text().replace('lower="-3" upper="3"', 'lower="0" upper="0"'))
+    assert import_urdf(path, tip="p8", posture={"j3": 0.5}, locked={"j4": 0.2}).path.positions["j3"] == 0.5
+
+
+def test_a_beam_ends_at_the_first_of_equal_branches() -> None:
+    places = [Pose(np.eye(3), np.array([x, 0.0, 0.0])) for x in (0.0, 1.0, 2.0)]
+    parts = [Part(cast("Any", None), "-", k > 0, place, NOTHING, ()) for k, place in enumerate(places)]
+    tips = Tip("b", 2, places[0]), Tip("c", 3, places[0])
+    assert Paths("base", tips, tuple(parts), {}, ()).beyond()[0] is places[1]
+
+
+def test_the_largest_mass_of_a_beam_is_printed_rounded_down() -> None:
+    assert [rounded_down(mass) for mass in (1.99996, 0.0123456, 0.0)] == ["1.999", "0.01234", "0"]
 
 
 def test_a_plate_cannot_contain_a_thicker_beam() -> None:
@@ -260,6 +278,8 @@ def test_angles_in_degrees_give_warnings(tmp_path: Path) -> None:
     for warning in (for_places, for_limits):
         assert warning.id == "likely-degrees"
         reviewed("likely-degrees", warning)
+    two_turns = saved(tmp_path, RandomRobot(0).text().replace('lower="-3" upper="3"', 'lower="-12" upper="12"'))
+    assert not import_urdf(two_turns, tip="p8", locked={"j4": 0.0}).warnings  # nearly two turns
 
 
 WRONG = {

@@ -8,6 +8,7 @@ from xml.etree import ElementTree as ET
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import flexlink as fl
 from flexlink.chain.lumping import open_chain
@@ -41,7 +42,7 @@ FOUR_BAR = """<mujoco model="four bar">
   </equality>
 </mujoco>"""
 ODD = """<mujoco>
-  <option gravity="0 0 -1.6"/>
+  <option gravity="0 0 -1.6" density="1.2"/>
   <worldbody>
     <body name="post" pos="0.1 0.2 0.3" euler="10 20 30">
       <inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/>
@@ -163,6 +164,7 @@ def test_an_odd_mjcf_has_the_mass_matrix_and_the_equalities_of_mujoco(tmp_path: 
     assert joints["lift"].limits == pytest.approx((-1.1, 0.9)) and joints["grip"].friction == 0.4
     for text in ("<joint spring>: ", "<option gravity>: ", "ignored: 1 <geom>"):
         reviewed("import: of mjcf", line(str(found), text))
+    assert "<option fluid>: " in str(found)
 
 
 def test_a_four_bar_keeps_to_its_closed_form(tmp_path: Path) -> None:
@@ -195,6 +197,8 @@ def test_a_tie_of_a_locked_joint_or_a_floating_base_is_named(tmp_path: Path) -> 
     afloat = import_urdf(path, base="post", free_base=True)
     reviewed("loop-left-out", line(str(afloat), "held: "))
     assert [tie.name for tie in afloat.scene.tie] == ["ball", "geared"]
+    start, turn = afloat.scene.initial.base, Rotation.from_euler("XYZ", [10, 20, 30], degrees=True)
+    assert start.xyz == (0.1, 0.2, 0.3) and start.rpy_deg == pytest.approx(turn.as_euler("xyz", degrees=True))
 
 
 def test_mjcf_that_cannot_be_read_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

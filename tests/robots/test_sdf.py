@@ -10,6 +10,7 @@ import flexlink as fl
 from flexlink.chain.lumping import open_chain
 from flexlink.common.errors import DataFileError
 from flexlink.robots.importing import import_urdf
+from flexlink.robots.robot_file import read_robot
 from tests.campaigns.ties_in_mujoco import TiedMaker
 from tests.support.words import line, refused, reviewed
 
@@ -98,6 +99,16 @@ def test_another_joint_that_closes_a_loop(kind: str, tie: str | None, tmp_path: 
         np.testing.assert_allclose(start, np.zeros(3), atol=1e-12)  # as drawn
     else:
         reviewed("loop-left-out", line(str(found), "pin: "))
+
+
+def test_axes_of_a_hinge_that_closes_a_loop_are_those_of_each_link(tmp_path: Path) -> None:
+    """The rocker's frame is that of its joint, here turned by 90° about x; an axis that is not given is z."""
+    joint = '<joint name="c" type="revolute">'
+    turned = FOUR_BAR.replace(joint, f'{joint}<pose degrees="1">0 0 0 90 0 0</pose>')
+    (tie,) = import_urdf(saved(tmp_path, turned)).scene.tie
+    assert [np.abs(axis) for axis in (tie.axis, tie.to.axis)] == [pytest.approx((0, 0, 1)), pytest.approx((0, 1, 0))]
+    without = saved(tmp_path, FOUR_BAR.replace("<axis><xyz>0 -1 0</xyz></axis>", ""))
+    assert read_robot(without).joints["a"].axis == pytest.approx((0, 0, 1))
 
 
 def test_the_first_link_of_a_model_without_the_world_is_fixed(tmp_path: Path) -> None:
