@@ -3,6 +3,7 @@
 import io
 import os
 import sys
+from types import SimpleNamespace
 
 import pytest
 
@@ -86,6 +87,18 @@ def test_a_terminal_shows_the_time_of_a_compilation(monkeypatch) -> None:
         notice.ended()
         assert screen.getvalue().split("\r")[-1] == ""
     assert "\n" not in screen.getvalue()
+
+
+def test_times_of_several_compilations_add_up(monkeypatch) -> None:
+    screen, clock = narrow(monkeypatch), SimpleNamespace(now=0.0)
+    monkeypatch.setattr("flexlink.cli.terminal.time", SimpleNamespace(perf_counter=lambda: clock.now))
+    notice, shown = Compiling(), list[str]()
+    for _ in range(3):
+        notice.started()
+        shown.append(screen.getvalue().split("\r")[-1].split()[-1])
+        clock.now += 70.0
+        notice.ended()
+    assert shown == ["0:00", "1:10", "2:20"]
 
 
 def test_a_line_wider_than_the_terminal_is_cut(monkeypatch) -> None:

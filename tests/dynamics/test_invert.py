@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.interpolate import CubicSpline
 from scipy.special import ndtr
 
 import flexlink as fl
+from flexlink.cli.invert import _torques
 from flexlink.cli.main import main
 from flexlink.motion.inversion import Inversion
 from tests.support.words import refused, reviewed
@@ -328,6 +330,13 @@ def test_the_command_writes_a_scene_and_prints_the_gain(tmp_path: Path, capsys: 
     said = json.loads(capsys.readouterr().out)
     assert said["tip_error_m"] < 1e-4 < said["shaped"]["lag_m"]
     assert len(said["largest_torques"]) == 3
+
+
+def test_the_largest_torque_may_be_negative() -> None:
+    chain = fl.lump(fl.load_scene("models/ptp_move.toml"))
+    torques = np.array([[1.0, -2.0, 0.5], [-3.0, 1.0, 0.0]])
+    found: Any = SimpleNamespace(run=SimpleNamespace(chain=chain), torques=torques)
+    assert [x for *_, x in _torques(found)] == [3.0, 2.0, 0.5]
 
 
 FOLLOWING = {"drive.reference.follows": "tip", "drive.reference.start": 0.1, "initial.passive": "static"}

@@ -1,12 +1,16 @@
 """Modes about a steady motion agree with closed forms of blades and pendulums; unsteady motions are refused."""
 
+import re
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import flexlink as fl
 from flexlink.cli.main import main
+from flexlink.cli.modes import first_in_motion, rates_of
 from flexlink.errors import ArgumentError
 from tests.conftest import flexible, make_scene
 from tests.support.words import refused, refused_line, reviewed
@@ -60,6 +64,19 @@ def test_a_rotating_beam_has_the_published_flap_frequencies(capsys: pytest.Captu
     assert float(mode.split()[1]) == pytest.approx(11.2023 / (2 * np.pi), abs=3e-5)
     assert [part for part in (f"{mode.split()[1]} Hz", "(pendulum)", "hub=10rad/s") if part not in last] == []
     reviewed("steady motion: lowest frequency", last)
+
+
+def test_the_lowest_frequency_is_that_of_the_first_mode_that_swings() -> None:
+    found: Any = SimpleNamespace(
+        hertz=np.array([0.0, 2.0, 5.0]), kinds=("rigid", "pendulum", "elastic"), first_elastic_hertz=5.0
+    )  # fmt: skip
+    text = first_in_motion(found, ["shaft=1rpm"])
+    assert re.findall(r"(\d) Hz", text) == ["2", "5"] and "(pendulum)" in text
+
+
+@pytest.mark.parametrize("rate", ["60rpm", "360 deg/s", f"{2 * np.pi}rad/s"])
+def test_a_turn_a_second_may_be_given_in_three_units(rate: str) -> None:
+    assert rates_of(blade((0.0, 0.0, 1.0)), [f"shaft={rate}"]) == {"shaft": pytest.approx(2 * np.pi)}
 
 
 def test_modes_of_a_swept_tip_are_about_its_rotating_equilibrium() -> None:

@@ -1,5 +1,6 @@
 """A fit estimates its grid error: it is in the interval, in the verdict, and in the check."""
 
+import argparse
 import functools
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from msgspec.structs import replace
 
 import flexlink as fl
+from flexlink.cli import fit as command
 from flexlink.describe.variants import refined, segments_in_words
 from flexlink.identification.fitted import Fitted
 from tests.support.fits import TOGETHER, boom, problem
@@ -66,6 +68,14 @@ def test_the_check_predicts_the_grid_error_before_anything_is_fitted() -> None:
     expected = fl.fits.check_fit(measured(5)).grid[0]
     found = fitted()[YOUNG]
     assert expected == pytest.approx(found.u_num / found.value, rel=0.5)
+
+
+def test_a_check_fails_if_the_grid_error_would_exceed_half_the_interval() -> None:
+    options = argparse.Namespace(out=None, propose=None)
+    for segments in (5, 11):
+        check = fl.fits.check_fit(measured(segments))
+        assert check.passed
+        assert command._report(check, measured(segments), options) == (segments == 5)
 
 
 def test_the_covariance_contains_the_grid_error() -> None:

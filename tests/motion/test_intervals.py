@@ -129,6 +129,10 @@ def test_scenes_keep_uncertain_inputs_and_commands_print_intervals(tmp_path: Pat
     assert [row["of"] for row in said] == [f"tip {x} at rest [m]" for x in "xyz"] + ["mode 1 [Hz]", "mode 2 [Hz]"]
     assert said[3]["low"] < said[3]["value"] < said[3]["high"]
     assert said[1]["shares"][angle] > 0.9  # 1° moves the tip by 13 mm
+    afloat = scene.varied({"base": {"kind": "free", "mass": 1.0, "inertia": [1.0] * 3}, "uncertain": {"tip.mass": 0.1}})
+    assert main(["modes", str(afloat.save(tmp_path / "afloat.toml")), "--uncertain", "--json"]) == 0
+    drifting = json.loads(capsys.readouterr().out)["intervals"]
+    assert [row["value"] for row in drifting[:3]] == [None] * 3  # a floating arm has no position at rest
     assert main(["simulate", str(path), "--uncertain", "--json"]) == 0
     said = json.loads(capsys.readouterr().out)["intervals"]
     assert [row["of"] for row in said][3:] == ["largest deflection [m]"]

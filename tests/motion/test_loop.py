@@ -1,6 +1,7 @@
 """The closed loop as the processor sees it: poles, growth, margins, and what makes an unstable loop stable."""
 
 import json
+import re
 
 import control
 import numpy as np
@@ -296,6 +297,11 @@ def test_the_command_prints_poles_and_margins_and_returns_1_if_unstable(tmp_path
     printed = capsys.readouterr().out
     assert printed.startswith("stable")
     assert "tau upper [N m]" in printed
+    found = fl.loop(fl.load_scene("models/ptp_move.toml").varied({"drive.rate": 1000.0}))
+    poles = [float(line.split()[0]) for line in printed.splitlines()[2:6]]
+    assert poles == pytest.approx([abs(pole.z) for pole in found.poles[:4]], rel=1e-5)
+    delays = [1e-3 * float(text) for text in re.findall(r"delay margin (\S+) ms", printed)]
+    assert delays == pytest.approx([each.delay for each in found.margins], rel=5e-3)
     assert (tmp_path / "bode.png").stat().st_size > 0
     late = [*sampled, "--set", "drive.delay=0.004", "--json"]
     assert main([*late, "--over", "drive.delay", "--values", "0", "0.004"]) == 1
