@@ -75,6 +75,7 @@ class MethodSteps:
         last, prepared = self._started
         again = last == about
         if prepared and again:
+            self.read[:] = 0.0  # a simulator may have read another law since
             self.restore(prepared[0], gains=self.inputs is not self.given)  # else no step wrote to them
             for array, value in zip((record.q[0], record.qd[0], *memory), prepared[1], strict=True):
                 array[...] = value

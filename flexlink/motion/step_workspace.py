@@ -128,10 +128,8 @@ def own_gains(record: Record) -> tuple[Array, Array, Array]:
 def drive_gains(chain: Chain, inputs: Inputs) -> tuple[Array, Array, Array]:
     """Gains k_p, k_d (n,) of the drive for Newton's matrix, and T k_d if it is sampled with period T; read-only."""
     drive = inputs.drive
-    gains, kick = gains_at_zero(drive, chain), np.zeros(chain.n)
-    if drive.rate:
-        kick = gains_at_zero(drive, chain, True).diagonals()[1] / drive.rate
-    return *gains.diagonals(), kick
+    kick = gains_at_zero(drive, chain, True).diagonals()[1] / drive.rate if drive.rate else np.zeros(chain.n)
+    return *gains_at_zero(drive, chain).diagonals(), kick
 
 
 def remembered(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
@@ -141,8 +139,9 @@ def remembered(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
 
 
 def stages_of(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
-    """Stages of the last step, multipliers and laws of ties, from which the next implicit step's iteration starts."""
-    stages = (work.stages,) if isinstance(work, ImplicitWork) else ()
+    """What the next step starts from: slopes of force elements, stages of the last step, forces and laws of ties."""
+    stages = () if work.springs.own is None else (work.springs.own,)
+    stages += (work.stages,) if isinstance(work, ImplicitWork) else ()
     return stages if work.ties is None else (*stages, work.ties.λ, work.ties.last, work.ties.left, work.ties.used)
 
 

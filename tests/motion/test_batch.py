@@ -200,6 +200,7 @@ def test_drives_that_differ_do_not_act_side_by_side() -> None:
 
 
 PD = fl.Drive(kind="pd", kp=(50.0, 20.0), kd=(1.0, 1.0), target_deg=(10.0, 20.0))
+GAUGE = fl.Sensor(name="gauge", kind="strain", link="a", x=0.3, fibre=(0.01, 0.0))
 MOVE = {
     "kind": "pd", "kp": (50.0, 20.0), "kd": (1.0, 1.0),
     "reference": {"profile": "quintic", "to_deg": (10.0, 20.0), "duration": 0.01},
@@ -214,6 +215,7 @@ STARTED = {  # changes of an arm whose runs differ in their start, and changes o
     "from a place": ({"drive": MOVE, "drive.reference.from_deg": (-60.0, 5.0)}, {}),
     "loaded": ({}, {"wrench": fl.Wrench(force=(9.0, 2.0, 3.0))}),
     "later": ({}, {"initial.time": 0.01}),
+    "hardening": ({"link.a.joint": {"quadratic": 5.0, "hardening": 50.0}, "sensor": (GAUGE,)}, {}),
     "fixed": ({"run": fl.RunSettings(method="Gauss4", step=2e-4, sample=1e-3, duration=0.01)}, {}),
 }
 

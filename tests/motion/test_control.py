@@ -161,6 +161,18 @@ def test_a_refused_call_does_not_change_the_simulator(way: str, monkeypatch: pyt
             np.testing.assert_array_equal(one, same)
 
 
+def test_a_simulator_that_is_reset_again_and_again_moves_as_a_new_one() -> None:
+    scene = arm("none").varied({"run.tolerance": 1e-3})
+    used = fl.Simulator(scene)
+    for _ in range(4):
+        used.reset()
+        new = fl.Simulator(scene)
+        for _ in range(10):
+            np.testing.assert_array_equal(used.step(duration=0.01).q, new.step(duration=0.01).q)
+        for _ in range(10):  # the gains of this law are estimated
+            used.step(-5.0 * used.state.qd[[0, 3]], duration=0.01)
+
+
 def interrupted() -> str:
     raise KeyboardInterrupt
 
