@@ -32,8 +32,7 @@ def read_blade(path: Path) -> tuple[Array, Array, Array, list[float]] | None:
     kept = [k for k in range(start + 1, len(lines)) if lines[k].strip()]
     size = 13  # lines of a station: its place, and two matrices
     if not 0 < size * count <= len(kept):
-        text = f"{path}: {len(kept) // size} stations; station_total = {count}"
-        raise DataFileError(text, id="blade-file")
+        raise DataFileError(f"{path}: {len(kept) // size} stations; station_total = {count}", id="blade-file")
     x, matrices = np.empty(count), np.empty((count, 12, 6))
     for k, at in enumerate(kept[: size * count]):
         if k % size:

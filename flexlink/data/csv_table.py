@@ -14,20 +14,15 @@ import numpy as np
 from flexlink.common.errors import DataFileError
 from flexlink.common.types import Array
 from flexlink.common.wording import did_you_mean, plural, short_list, truncated
-from flexlink.data.documents import read_regular
+from flexlink.data.documents import read_text, read_toml
 
 TIME = "t [s]"
-UNITS = {
-    "rad": ("rad", 1.0), "deg": ("rad", math.pi / 180), "mrad": ("rad", 1e-3),
-    "m": ("m", 1.0), "mm": ("m", 1e-3), "µm": ("m", 1e-6), "um": ("m", 1e-6),
-    "s": ("s", 1.0), "ms": ("s", 1e-3),
-    "N m": ("N m", 1.0), "N mm": ("N m", 1e-3), "kN m": ("N m", 1e3), "N": ("N", 1.0), "kN": ("N", 1e3),
-    "N m²": ("N m²", 1.0), "N m^2": ("N m²", 1.0), "kN m²": ("N m²", 1e3), "kN m^2": ("N m²", 1e3),
-    "N mm²": ("N m²", 1e-6), "N mm^2": ("N m²", 1e-6), "kg/m": ("kg/m", 1.0), "g/m": ("kg/m", 1e-3),
-    "kg m": ("kg m", 1.0),
-}  # fmt: skip
-"""Units allowed in headers, with their SI unit and conversion factor. Units of angle and length may be followed by "/s"
-and "/s²"."""
+UNITS: dict[str, tuple[str, float]] = {
+    name: (si, size)
+    for si, units in read_toml(Path(__file__).with_name("units.toml")).items()
+    for name, size in units.items()
+}
+"""Units allowed in headers, with their SI unit and conversion factor."""
 PER = {"": "", "/s": "/s", "/s²": "/s²", "/s^2": "/s²"}  # suffixes that may follow a unit, and their SI form
 
 
@@ -49,10 +44,9 @@ class CsvTable(NamedTuple):
         found = [k for k, head in enumerate(self.heads) if head_of(head)[0] == quantity]
         wanted = f"{quantity} [{unit}]"
         if not found:
-            near = self._misspelt(quantity, unit)
             zeros = "; for a joint without torque, add a column of zeros" if quantity.startswith("tau ") else ""
-            remedy = zeros if near is None else f"; if {near!r} is meant, rename it"
-            text = f"{self.path}: no column {wanted!r}; columns: {short_list(self.heads)}{remedy}"
+            text = f"{self.path}: no column {wanted!r}; columns: {short_list(self.heads)}"
+            text += self._misspelt(quantity, unit) or zeros
             raise DataFileError(text, id="no-such-column")
         if len(found) > 1:
             why = f"{self.path}: column {quantity!r} appears twice: {short_list(self.heads)}"
@@ -72,14 +66,15 @@ class CsvTable(NamedTuple):
             raise DataFileError(why, id="csv-cell")
         return column * factor
 
-    def _misspelt(self, quantity: str, unit: str) -> str | None:
-        """The header that is this quantity in other letters; of another name, it is another joint's."""
+    def _misspelt(self, quantity: str, unit: str) -> str:
+        """Remedy if a header is this quantity in other letters, or names its joint; empty for those of other joints."""
         heads = [head for head in self.heads if conversion(head_of(head)[1] or unit, unit)]
-        if " " not in quantity and len(heads) == 1:
-            return heads[0]
-        names = {head_of(head)[0].casefold(): head for head in heads}
-        near = difflib.get_close_matches(quantity.casefold(), names, n=1, cutoff=0.85)
-        return names[near[0]] if near else None
+        joint = rf"(?<![^\W_]){re.escape(quantity.partition(' ')[2])}(?![^\W_])" if " " in quantity else ""
+        own = [head for head in heads if re.search(joint, head_of(head)[0])]
+        if len(own) != 1:
+            names = {head_of(head)[0].casefold(): head for head in heads}
+            own = [names[near] for near in difflib.get_close_matches(quantity.casefold(), names, n=1, cutoff=0.85)]
+        return "".join(f"; if {head!r} is meant, name it '{quantity} [{head_of(head)[1] or unit}]'" for head in own)
 
     @property
     def times(self) -> Array:
@@ -131,11 +126,11 @@ def in_si(head: str) -> tuple[str, float] | None:
 
 def read_csv(path: Path) -> CsvTable:
     """Read comma-separated numbers below one header line; blank lines are skipped."""
-    data = read_regular(path, largest=100_000_000, error=DataFileError)
+    text = read_text(path, largest=100_000_000, error=DataFileError)
     try:
-        every = csv.reader(io.StringIO(data.decode("utf-8-sig"), newline=None))
+        every = csv.reader(io.StringIO(text, newline=None))
         (_, heads), *lines = [(every.line_num, line) for line in every if any(cell.strip() for cell in line)]
-    except (UnicodeDecodeError, csv.Error) as error:
+    except csv.Error as error:
         raise DataFileError(f"{path}: is not CSV: {error}", id="not-csv") from None
     except ValueError:
         why = f"{path}: is empty; expected a header line with a column {TIME!r}"
@@ -159,14 +154,12 @@ def _numbers(path: Path, number: int, line: list[str], heads: list[str]) -> list
     found = []
     for cell, head in zip(line, heads, strict=True):
         try:
-            if "_" in cell or not cell.isascii():  # Python's float would accept such cells
-                raise ValueError
             found.append(float(cell) if cell.strip() else math.nan)
         except ValueError:
-            text = f"{path}: line {number}, {head}: {truncated(cell)} is not a number"
-            raise DataFileError(text, id="csv-cell") from None
-        if not math.isfinite(found[-1]) and cell.strip():
-            raise DataFileError(f"{path}: line {number}, {head}: {truncated(cell)} is not finite", id="csv-cell")
+            found.append(math.inf)
+        # Python's float also accepts 1_000 and digits of other scripts
+        if "_" in cell or not cell.isascii() or (cell.strip() and not math.isfinite(found[-1])):
+            raise DataFileError(f"{path}: line {number}, {head}: {truncated(cell)} is no finite number", id="csv-cell")
     return found
 
 
@@ -180,14 +173,11 @@ class Measured(NamedTuple):
     columns: dict[str, Array]
 
 
-def read_measured(path: Path, known: Mapping[str, object], only: Sequence[str] = ()) -> Measured:
-    """Read a CSV whose headers are "t [s]" and `known` column names of a trajectory; `only`: these columns."""
-    _, heads, values, _ = read_csv(path)
-    return measured_from(str(path), heads, values, known, only)
+def read_measured(paths: Sequence[Path], known: Mapping[str, object], only: Sequence[str] = ()) -> Measured:
+    """Read CSV files of one record, each with its own times; columns are nan at the times of other files.
 
-
-def read_together(paths: Sequence[Path], known: Mapping[str, object], only: Sequence[str] = ()) -> Measured:
-    """Read several files of one record, each with its own times; columns are nan at the times of other files."""
+    Headers are "t [s]" and `known` column names of a trajectory; `only`: these columns.
+    """
     tables = [read_csv(path) for path in paths]
     _require(", ".join(map(str, paths)), only, [head for table in tables for head in table.heads])
     parts: dict[Path, Measured] = {}

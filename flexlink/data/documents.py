@@ -29,23 +29,15 @@ def require_path(name: str, value: object) -> Path:
 
 def read_toml(path: Path) -> dict[str, Any]:
     """Parse a TOML file; any other file (XML, CSV, Python, not UTF-8) is refused in one line that names its kind."""
-    data = read_regular(path, largest=1_000_000, error=SceneError)
-    try:
-        text = data.decode("utf-8-sig")  # some editors write a byte order mark
-    except UnicodeDecodeError as error:
-        stored = "; a stored run is read by fl.Trajectory.load" if path.suffix == ".npz" else "; save the file as UTF-8"
-        raise SceneError(f"{path}: not UTF-8 at byte {error.start}{stored}", id="not-utf8") from None
+    text = read_text(path, largest=1_000_000, error=SceneError)
     if not text.strip():
         raise SceneError(f"{path}: empty; expected a TOML file", id="file-empty")
     if text.lstrip().startswith("<"):
         raise SceneError(f"{path}: is XML; import it first: flexlink import {path}", id="is-xml")
-    if path.suffix.lower() == ".csv":
-        raise SceneError(f"{path}: is a table of numbers; expected a TOML file that names it", id="not-toml")
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: TOMLDecodeError, or an integer of 5000 digits
-        program = "; a Python script: run it by python" if path.suffix == ".py" else ""
-        raise SceneError(f"{path}: not TOML: {explained(text, error)}{program}", id="not-toml") from None
+        raise SceneError(f"{path}: not TOML: {explained(text, error)}", id="not-toml") from None
 
 
 def in_json(document: object) -> str:
@@ -128,10 +120,16 @@ def explained(text: str, error: Exception) -> str:
     reason, lines = str(error), text.rstrip().splitlines()
     found = re.search(r"at line (\d+)", reason)
     line = lines[int(found[1]) - 1].strip() if found else lines[-1].strip()
-    for row in tomllib.loads(Path(__file__).with_name("not_toml.toml").read_text(encoding="utf-8"))["mistake"]:
-        if re.match(row["reason"], reason) and (match := re.match(row["line"], line)):
-            return f"{reason}: {truncated(line)}; {match.expand(row['remedy'])}"
-    return f"{reason}: {truncated(line)}"
+    return f"{reason}: {truncated(line)}{_remedy('not_toml.toml', reason=reason, line=line)}"
+
+
+def _remedy(file: str, **given: str) -> str:
+    """Remedy in the first row of a file of mistakes whose patterns, by name, all match the given texts; else empty."""
+    for row in tomllib.loads(Path(__file__).with_name(file).read_text(encoding="utf-8"))["mistake"]:
+        found = [re.match(row[name], text, re.DOTALL) for name, text in given.items()]
+        if all(found) and (last := found[-1]):
+            return f"; {last.expand(row['remedy'])}"
+    return ""
 
 
 def shown_path(path: str | Path) -> str:
@@ -140,6 +138,16 @@ def shown_path(path: str | Path) -> str:
         return str(Path(path).absolute().relative_to(Path.cwd()))
     except (OSError, ValueError):
         return str(path)
+
+
+def read_text(path: Path, *, largest: int, error: type[FlexlinkError]) -> str:
+    """Return the text of a file in UTF-8; one of another program is refused with what it is, by its first bytes."""
+    data = read_regular(path, largest=largest, error=error)
+    try:
+        return data.decode("utf-8-sig")  # some editors write a byte order mark
+    except UnicodeDecodeError as wrong:
+        remedy = _remedy("no_text.toml", begins=data[:200].decode("latin-1"))
+        raise error(f"{path}: not UTF-8 at byte {wrong.start}{remedy}", id="not-utf8") from None
 
 
 def read_regular(path: Path, *, largest: int, error: type[FlexlinkError]) -> bytes:

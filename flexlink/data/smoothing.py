@@ -53,8 +53,7 @@ def smoothed(t: Array, y: Array, cutoff: float | str) -> tuple[Array, Array, Arr
     if 2 * spacing * cutoff >= 1:
         hint = "; if the times are in ms, name the column t [ms]" * (spacing >= 1)
         why = f"expected less than {0.5 / spacing:.6g} Hz, half the sampling rate{hint}"
-        text = f"cutoff = {cutoff!r}: samples are up to {spacing:.6g} s apart; {why}"
-        raise SceneError(text, id="cutoff-too-high")
+        raise SceneError(f"cutoff = {cutoff!r}: samples are up to {spacing:.6g} s apart; {why}", id="cutoff-too-high")
     from scipy.interpolate import BSpline  # noqa: PLC0415  slow to import: 0.1 s
     from scipy.linalg import solveh_banded  # noqa: PLC0415
 

@@ -14,7 +14,7 @@ from flexlink.chain.lumping import lump, open_chain
 from flexlink.common.errors import ArgumentError, DataFileError, Diagnostic, FlexlinkError, SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import did_you_mean, plural
-from flexlink.data.csv_table import Measured, measured_from, named, read_together
+from flexlink.data.csv_table import Measured, measured_from, named, read_measured
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
 from flexlink.dynamics.placement import tip_position
@@ -157,7 +157,7 @@ def _check_reach(run: FitRun, scene: Scene, blocks: Sequence[Block]) -> None:
 
 def _measured(run: FitRun, known: Mapping[str, object]) -> Measured:
     if run.file:
-        return read_together([Path(file) for file in files_of(run)], known, run.compare)
+        return read_measured([Path(file) for file in files_of(run)], known, run.compare)
     where = f"run {run.name!r}"
     return measured_from(where, list(run.columns), table_of(where, run.columns), known, run.compare)
 

@@ -2,6 +2,7 @@
 
 import ast
 import re
+import tomllib
 import weakref
 from pathlib import Path
 
@@ -24,9 +25,9 @@ def rot(fault: Fault) -> str:
         return f"{fault.find!r} is found {found} times in {fault.file}, not once"
     planted = (ROOT / fault.file).read_text(encoding="utf-8").replace(fault.find, fault.replace)
     try:
-        compile(planted, fault.file, "exec")
-    except SyntaxError as error:
-        return f"no longer Python: {error}"  # any test would detect it
+        tomllib.loads(planted) if fault.file.endswith(".toml") else compile(planted, fault.file, "exec")
+    except (SyntaxError, tomllib.TOMLDecodeError) as error:
+        return f"no longer Python or TOML: {error}"  # any test would detect it
     for test in fault.tests:
         file, _, function = test.partition("::")
         text = (ROOT / file).read_text(encoding="utf-8") if (ROOT / file).is_file() else ""

@@ -220,6 +220,7 @@ MISTAKES = {
     "an unknown unit": (MOTION, edited("[deg]", "[gon]"), "unit-unknown"),
     "another joint": (MOTION, edited("q upper", "q cart"), "no-such-column"),
     "a joint misspelt": (MOTION, edited("q upper", "q uper"), "no-such-column"),
+    "another word for q": (MOTION, edited("q upper", "position upper"), "no-such-column"),
     "a column twice": (MOTION, "t [s],q upper [deg],q upper [rad]\n0,1,1\n", "column-twice"),
     "too few cells": (MOTION, edited("0.05,5\n", "0.05\n"), "csv-cell"),
     "a decimal comma": (MOTION, edited("0.05,5\n", "0,05,5\n"), "csv-cell"),

@@ -43,7 +43,7 @@ class TestReading:
     def read(self, folder: Path, text: str) -> Measured:
         path = folder / "measured.csv"
         path.write_text(text, encoding="utf-8")
-        return read_measured(path, dict.fromkeys(KNOWN))
+        return read_measured([path], dict.fromkeys(KNOWN))
 
     def test_units_of_instruments_are_converted_to_units_of_the_run(self, tmp_path: Path) -> None:
         text = "t [ms],tip x [mm],q upper [deg],qd upper [deg/s]\n0,1500,180,360\n10,,90,-90\n"

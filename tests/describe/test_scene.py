@@ -162,10 +162,11 @@ NO_SCENES = {
         b"x = { young = 2.1e11 density = 7850 }", b"tip.mass = 1\ntip.mass = 2\nname = 1",
         b"[link]\nname = 1\n[link]\nname = 2", b"[link]\nname = 1\n[[link]]\nname = 2", b"locked = True", b"length 5",
         b'length = 4.0 // m', b'{\n"name": "crane"\n}', b"joint_deg = [20; -40]", b"axis = (0, -1, 0)",
-        b"young = 210*1e9",
+        b"young = 210*1e9", b"joint = {\n axis = [0, -1, 0],\n}", b"tip = { mass = 1, }",
+        b"link = [\n { name = 'a',\n }]", b"import flexlink as fl", b"t [s],q boom [deg]\n0,1\n",
     ],
     "is-no-scene": [b"scene = 'arm.toml'\ngrid.x = [1, 2]", b"scene = 'arm.toml'\nparameter = []"],
-    "not-utf8": [b"name = '\xff\xfe'"],
+    "not-utf8": [b"name = '\xff\xfe'", "name = 1".encode("utf-16"), b"PK\x03\x04\xff[Content_Types].xml", b"\x1f\x8b"],
     "file-too-large": [b"#" * 1_000_001],
 }  # fmt: skip
 

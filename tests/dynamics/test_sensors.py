@@ -298,7 +298,7 @@ def test_measurements_are_compared_with_sensor_readings(tmp_path: Path) -> None:
     encoder = Sensor(name="encoder", kind="joint", link="rod")
     volts = Sensor(name="volts", kind="torque", link="rod", gain=0.1, unit="V")
     (tmp_path / "measured.csv").write_text("t [ms],volts [V],encoder [deg]\n0,1,180\n10,2,90\n", encoding="utf-8")
-    found = read_measured(tmp_path / "measured.csv", turning(encoder, volts).columns)
+    found = read_measured([tmp_path / "measured.csv"], turning(encoder, volts).columns)
     assert found.columns["volts [V]"].tolist() == [1.0, 2.0]
     np.testing.assert_allclose(found.columns["encoder [rad]"], [np.pi, np.pi / 2], rtol=1e-15)
 

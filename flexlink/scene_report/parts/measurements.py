@@ -22,7 +22,7 @@ def made(study: Study) -> Part | None:
     """Build the chapter."""
     if study.against is None or not study.measurements:
         return None
-    measured = read_measured(study.against, study.run.columns)
+    measured = read_measured([study.against], study.run.columns)
     comparison = Comparison(study.scene, study.run, measured)
     if len(comparison.t) < 2:
         samples = f"samples of {study.against.name} ({measured.t[0]:g} … {measured.t[-1]:g} s)"
