@@ -3,8 +3,7 @@
 import functools
 import inspect
 import sys
-from collections.abc import Callable, Iterable, Mapping
-from pathlib import Path
+from collections.abc import Callable, Mapping
 from typing import Any, NoReturn, ParamSpec
 
 import numpy as np
@@ -13,7 +12,7 @@ from numpy.typing import ArrayLike
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array, T
 from flexlink.common.wording import did_you_mean, short_list, truncated
-from flexlink.data.documents import read_toml
+from flexlink.describe.expected import words
 from flexlink.describe.numbers import numbers
 from flexlink.describe.spec import to_builtin
 from flexlink.kernels.tools.finite import is_finite
@@ -24,17 +23,19 @@ NO_WRENCH = np.zeros(6)
 
 
 def vector(
-    name: str, value: ArrayLike, size: int, *, many: bool = False, finite: bool = True, meaning: Callable[[], str] = str
+    name: str, value: ArrayLike, size: int, *, many: bool = False, finite: bool = True, meaning: str = ""
 ) -> Array:
     """Return `value` as a finite float64 array of shape (size,), or refuse it; with `many`, messages add (b, size).
 
+    `meaning` ends these messages; by default, of names such as q, that there is one number per joint and hinge.
     `finite=False` skips the check for finite values, which takes 0.2 µs; use it if a kernel checks the values anyway.
     """
-    if type(value) is not np.ndarray or value.dtype is not FLOAT64 or not value.flags.carray:
-        value = real_array(name, value, (size,))
+    if type(value) is not np.ndarray or value.dtype is not FLOAT64 or not value.flags.carray or value.shape != (size,):
+        meaning = meaning or words()["of_joints"].get(name, "")
+        value = real_array(name, value, (size,), meaning)
     if value.shape != (size,):
-        also = f", or (b, {size}) for b states: one number per joint and hinge (chain.joint_names)" if many else ""
-        also += f": give one row, such as {name}[-1]" if value.shape[1:] == (size,) else meaning()
+        also = f", or (b, {size}) for b states" if many else ""
+        also += f": give one row, such as {name}[-1]" if value.shape[1:] == (size,) else meaning
         raise ArgumentError(f"{name} has shape {value.shape}; expected ({size},){also}", id="wrong-shape")
     if finite and not is_finite(value):
         k = int(np.argmin(np.isfinite(value)))
@@ -50,9 +51,9 @@ def state(name: str, value: tuple[ArrayLike, ArrayLike], n: int) -> tuple[Array,
     return vector(f"{name}[0]", both[0], n), vector(f"{name}[1]", both[1], n)
 
 
-def real_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
+def real_array(name: str, value: ArrayLike, shape: tuple[int, ...], meaning: str = "") -> Array:
     """Return a writable, contiguous float64 copy, because kernels would be compiled again for read-only arrays."""
-    return np.atleast_1d(numbers(name, value, f"real numbers, shape {shape}"))
+    return np.atleast_1d(numbers(name, value, f"real numbers, shape {shape}{meaning}"))
 
 
 def dimensions(value: ArrayLike) -> int:
@@ -76,8 +77,7 @@ def require_type(name: str, value: object, kind: type[T]) -> T:
     """Return `value` if it is a `kind`, or refuse it; its message shows how to convert it, if known."""
     if not isinstance(value, kind):
         given = type(value).__name__
-        known = read_toml(Path(__file__).with_name("conversions.toml"))
-        remedy = known.get(kind.__name__, {}).get(given, "")
+        remedy = words()["conversion"].get(kind.__name__, {}).get(given, "")
         text = f"expected a {kind.__name__}, got {given}{'; use ' if remedy else ''}{remedy}"
         raise ArgumentError(f"{name} = {truncated(value)}: {text}", id="wrong-type")
     return value
@@ -91,25 +91,29 @@ def explained(function: Callable[Given, T]) -> Callable[Given, T]:
         try:
             return function(*given, **named)
         except TypeError:
+            known = inspect.signature(function)
             try:
-                inspect.signature(function).bind(*given, **named)
+                known.bind(*given, **named)
             except TypeError as wrong:
-                refuse_call(function, str(wrong), named)
+                refuse_call(function, str(wrong), dict(zip(known.parameters, given, strict=False)) | named)
             raise
 
     called.__module__ = "flexlink"  # where pickles look for it
     return called
 
 
-def refuse_call(function: Callable[..., object], why: str, named: Iterable[str] = ()) -> NoReturn:
+def refuse_call(function: Callable[..., object], why: str, given: Mapping[str, object]) -> NoReturn:
     """Refuse a call that does not fit a function: what it takes in order and by name, and an example if known."""
     known = inspect.signature(function).parameters
     by_name = ", ".join(f"{each.name}=" for each in known.values() if each.kind is each.KEYWORD_ONLY)
     in_order = [name for name, each in known.items() if each.kind is each.POSITIONAL_OR_KEYWORD and name != "self"]
-    near = next((did_you_mean(name, known) for name in named if name not in known), "")
-    example = read_toml(Path(__file__).with_name("conversions.toml"))["call"].get(function.__name__, "")
+    near = next((did_you_mean(name, known) for name in given if name not in known), "")
+    example = words()["call"].get(function.__name__, "")
     by_name = f"{'and ' * bool(in_order)}by name {by_name}" if by_name else ""
     text = f"{function.__name__}: {why}{near}; it takes {', '.join(filter(None, (*in_order, by_name)))}"
+    for name, kind in ((name, type(value).__name__) for name, value in given.items()):
+        remedy = words()["conversion"].get(name.capitalize(), {}).get(kind, "")
+        text += f"; for {name} use {remedy}, not a {kind}" * bool(remedy)
     raise ArgumentError(f"{text}{'; such as ' if example else ''}{example}", id="wrong-arguments") from None
 
 
@@ -133,7 +137,7 @@ def integer(name: str, value: object, least: int, most: int | None = None) -> in
     """Return `value` as an int from `least` to `most`, or refuse it."""
     number = number_of(value)
     if type(number) is not int:
-        remedy = read_toml(Path(__file__).with_name("conversions.toml"))["integer"].get(name, "")
+        remedy = words()["integer"].get(name, "")
         text = f"{name} = {truncated(value)}: must be an integer, got {type(value).__name__}{remedy}"
         raise ArgumentError(text, id="not-an-integer")
     if number < least or (most is not None and number > most):

@@ -12,7 +12,7 @@ from flexlink.data.documents import read_toml
 
 @cache
 def words() -> dict[str, Any]:
-    """Common mistakes in scenes, and what to write instead."""
+    """Common mistakes in scenes and calls, and what to write instead."""
     return read_toml(Path(__file__).parent / "data" / "expected.toml")
 
 
@@ -68,8 +68,7 @@ def _as_written(where: str, value: object) -> str:
     above, _, key = where.partition("[")[0].rpartition(".")
     row = words()["written"].get("flexible" if above == "flexible" else key, {})
     given = float if isinstance(value, int | float) else type(value)
-    wanted: str = row["expected"] if given.__name__ in row.get("type", "").split() else row.get(given.__name__, "")
-    return wanted
+    return str(row["expected"] if given.__name__ in row.get("type", "").split() else row.get(given.__name__, ""))
 
 
 def _in_words(reason: str, value: object, unit: str) -> str:
@@ -109,5 +108,5 @@ def why_not(key: str, value: object, near: str = "") -> str:
     by_value = _instead("values").get(value.casefold(), "") if isinstance(value, str) else ""
     tables = () if near else words()["belongs"].items()
     belongs = next((f"this key belongs to {table}" for table, keys in tables if key.casefold() in keys), "")
-    found = by_value or (repr(key.casefold()) not in near and _instead("keys").get(key.casefold(), belongs))
+    found = by_value or (f"'{key.casefold()}" not in near and _instead("keys").get(key.casefold(), belongs))
     return f": {found}" if found else ""

@@ -245,8 +245,7 @@ def check_method(run: RunSettings) -> None:
     if run.method == AUTO:
         if run.by_default and run.step is not None:
             given = f"run.method = {AUTO!r}: needs a tolerance, but run.step = {run.step!r} is given"
-            remedy = "give run.tolerance or a method, or leave run.step out"
-            raise SceneError(f"{given}; {remedy}", id="method-and-step")
+            raise SceneError(f"{given}; give run.tolerance or a method, or leave run.step out", id="method-and-step")
         return
     try:
         supported = method(run.method).controlled or not run.controlled

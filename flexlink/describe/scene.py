@@ -285,7 +285,8 @@ class Scene(Spec, frozen=True):
             changes = {**changes, **implied(self.run, changes), **changes}
         anew = top_level_keys(changes)
         parts = {**parts_by_key(self), **parts_by_key(self.arm)}
-        seen = {key: as_document(parts[key]) for key in {"link", *anew} & parts.keys() if parts[key] is not None}
+        touched = {"link", *anew} if anew <= FIELDS.keys() else parts.keys()  # a message on an unknown key names others
+        seen = {key: as_document(parts[key]) for key in touched & parts.keys() if parts[key] is not None}
         document = apply_changes(seen, FIELDS, changes)
         kept = {key: value for key, value in parts.items() if key not in anew}
         if "motion" in changes and "initial" in kept:

@@ -364,7 +364,7 @@ def _below(raw: Any, kind: Any, path: str) -> Iterator[Diagnostic]:
         fields = fields_of(bare)
         names = [field.encode_name for field in fields]
         yield from key_mistakes(raw, names, (f.encode_name for f in fields if f.required), path)
-        for key in raw.keys() & set(names):
+        for key in (key for key in raw if key in names):  # in the order of the file
             yield from mistakes(raw[key], type_below(bare, key), f"{path}.{key}".lstrip("."))
     elif get_origin(bare) is tuple and isinstance(raw, list) and Ellipsis in get_args(bare):
         for k, item in enumerate(raw):

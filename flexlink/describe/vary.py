@@ -9,7 +9,7 @@ effect. Messages name a value by the path that sets it.
 
 import functools
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, get_origin
 
 import msgspec
@@ -163,7 +163,8 @@ class _Change:
         named = {"motion": "link", "sensor": "name", "tie": "name"}
         part = self.parts[depth]
         if isinstance(kind, dict):
-            return [self._one_of(part, kind, keys=True)]
+            inside = [f"{key}.{self.path}" for key in node if part not in kind and part in names_of(node[key])]
+            return [self._one_of(part, kind, keys=True, meant=" or ".join(inside))]
         above, per_link, kind = ".".join(self.parts[:depth]), is_per_link(kind), bare_type(kind)
         if isinstance(node, dict) and is_record(kind):
             return [self._one_of(part, [field.encode_name for field in fields_of(kind)], keys=True)]
@@ -186,14 +187,14 @@ class _Change:
             raise self.error(f"{above} is the name {node!r}; write {kind_of}.{node}.{part}")
         raise self.error(f"{above} is one value; set it as a whole")
 
-    def _one_of(self, part: str, names: Mapping[str, Any] | Sequence[str], *, keys: bool = False) -> str:
-        """Return `part`, which must be one of the names; if they are `keys`, the message may suggest an alternative."""
+    def _one_of(self, part: str, names: Collection[str], *, keys: bool = False, meant: str = "") -> str:
+        """Return `part`, which must be one of the names; a message on one of the `keys` suggests others, or `meant`."""
         if part not in names:
             item = "; an item of a list has its name or number as a part, such as link.1" * ("[" in part)
             above, _, below = part.partition("_")
             near = f"; did you mean '{above}.{below}'?" if above in names else did_you_mean(part, names)
-            listed = item or f"; allowed are {', '.join(names) or 'none'}{near}"
-            raise self.error(f"{part!r} is unknown here{(keys and why_not(part, None)) or listed}")
+            listed = f"; write {meant}" if meant else item or f"; allowed are {', '.join(names) or 'none'}{near}"
+            raise self.error(f"{part!r} is unknown here{(keys and why_not(part, None, near)) or listed}")
         return part
 
     def _numbers(self, part: str, names: list[str], concerned: list[bool]) -> list[int]:
@@ -226,6 +227,12 @@ class _Change:
             return [get_in(link, "material") is not None for link in self.links]
         with_locked_joint = {"", "axis", "locked", "gear_stiffness", "gear_damping", "limits_deg", "limits_m", "kind"}
         return free if below[:1] == ("joint",) and ".".join(below[1:]) not in with_locked_joint else [True] * len(free)
+
+
+def names_of(items: Any) -> Collection[Any]:
+    """Keys of a table, or names of the tables in a list; none of anything else."""
+    named = [get_in(item, "name") or get_in(item, "link") for item in items] if isinstance(items, list) else ()
+    return items if isinstance(items, dict) else named
 
 
 def get_in(table: Any, *keys: str) -> Any:

@@ -70,5 +70,4 @@ def idle_error(chain: Chain, k: int) -> SingularMassError:
     """Return the error for a coordinate without inertia."""
     why = "has no inertia attached in this configuration, or its inertia overflows float64"
     remedy = "give a body beyond it mass (section and material, hub, end or tip), or the joint armature"
-    text = f"{chain.name}: joint {chain.joint_name(k)!r} {why}; {remedy}"
-    return SingularMassError(text, id="joint-without-inertia")
+    return SingularMassError(f"{chain.name}: joint {chain.joint_name(k)!r} {why}; {remedy}", id="joint-without-inertia")

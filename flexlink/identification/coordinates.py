@@ -128,8 +128,7 @@ def coordinate_of(scene: Scene, parameter: FitParameter, run: str = "") -> Coord
     if not parameter.within(value):
         raise SceneError(f"{given}: outside between = {[low, high]}; set start", id="parameter-start")
     if value == 0 and parameter.between is None and not initial:
-        text = f"{given}: its order of magnitude is unknown; set between or start"
-        raise SceneError(text, id="parameter-start")
+        raise SceneError(f"{given}: its order of magnitude is unknown; set between or start", id="parameter-start")
     width = (high - low) / 2
     unit = width if math.isfinite(width) else abs(value) or 1.0
     ends = (max(low, value / furthest), min(high, value * furthest)) if log else (low, high)

@@ -220,8 +220,7 @@ def control_of(
         remedy = "specify only one: scene.varied({'drive': None}) removes the drive"
         raise ArgumentError(f"control: the scene also has a drive, {scene.drive.kind!r}; {remedy}", id="both-given")
     if rate is None and problem.ties is not None:
-        why = "control: with ties, a control law needs a rate; specify rate"
-        raise ArgumentError(why, id="controller-needs-rate")
+        raise ArgumentError("control: with ties, a control law needs a rate; specify rate", id="controller-needs-rate")
     if rate is None and not problem.explicit:
         implicit = f"method = {run.method!r}, which is implicit"
         what = "the default tolerance" if run.by_default else "a tolerance" if run.controlled else implicit

@@ -112,7 +112,7 @@ def simulate(
     >>> lazy = fl.simulate(undriven, control=damp, rate=1000.0, duration=0.1)
     """
     if _more:
-        refuse_call(simulate, "too many positional arguments")
+        refuse_call(simulate, "too many positional arguments", {})
     for wrong in key_mistakes(unknown, [*(simulate.__kwdefaults__ or ())], (), "simulate"):
         raise ArgumentError(wrong, id=wrong.id)
     require_callable("progress", progress)

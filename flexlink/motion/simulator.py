@@ -75,6 +75,8 @@ class Simulator:
         self._scene = scene if run.duration else scene.varied({"run.duration": run.spacing})
         self.chain = lump(open_chain(scene))
         none = np.zeros((1, len(self.chain.active)))
+        driven = short_list([self.chain.joint_name(int(k)) for k in self.chain.active])
+        self._wanted = f", a torque for each driven joint: {driven}; a time is given as duration=…"
         self._held = held_torques(self.chain, np.zeros(1), none, effort_of(scene, self.chain))
         self._problem, self._kept = problem_of(self._scene, self.chain, tied=True), Kept()
         self._readings: dict[str, float] = {}
@@ -134,11 +136,6 @@ class Simulator:
         if self._sensing is not None:
             q, qd, *_ = self._steps.state
             self._readings = self._sensing.after(sample_at(self._record.problem, inputs, self._time, q, qd))
-
-    def _wanted(self) -> str:
-        """What the torques of `step` are, for messages."""
-        driven = short_list([self.chain.joint_name(int(k)) for k in self.chain.active])
-        return f", a torque for each driven joint: {driven}; a time is given as duration=…"
 
     @property
     def readings(self) -> dict[str, float]:
@@ -233,8 +230,8 @@ class Simulator:
         >>> print(after.t, after.q.shape)
         0.01 (6,)
         """
-        if _more:
-            refuse_call(self.step, "too many positional arguments")
+        if _more or (duration is None and isinstance(tau, int | float)):
+            refuse_call(self.step, "too many positional arguments" if _more else f"{tau!r} is no list of torques", {})
         duration = self._run.spacing if duration is None else duration
         inputs, end, steps = self._driven, self._later(duration), self._steps
         drive = remembered(inputs.drive) if inputs.drive.rate else ()  # only a sampled drive has memory

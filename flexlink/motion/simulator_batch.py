@@ -120,7 +120,7 @@ class SimulatorBatch:
             not balance. All arms stay in their state before this call; `reset` those that failed.
         """
         if _more:
-            refuse_call(self.step, "too many positional arguments")
+            refuse_call(self.step, "too many positional arguments", {})
         run = self._run
         duration = run.spacing if duration is None else positive("duration", duration)
         stop = self._number + whole("duration", duration, run.label("step", "run."), run.fixed_step, ArgumentError)

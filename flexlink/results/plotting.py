@@ -63,8 +63,7 @@ def axes_of(
         return figure, list(figure.subplots(-(-count // columns), columns, squeeze=False, **grid).flat)
     axes = list(np.ravel(ax))
     if len(axes) != count:
-        text = f"{len(axes)} axes for {plural(count, 'panel')}; give one for each"
-        raise ArgumentError(f"ax: {text}", id="wrong-shape")
+        raise ArgumentError(f"ax: {len(axes)} axes for {plural(count, 'panel')}; give one for each", id="wrong-shape")
     return axes[0].figure, axes
 
 

@@ -144,8 +144,10 @@ def test_uncertain_paths_need_no_quotes(tmp_path: Path) -> None:
     lambda: fl.simulate(SCENE, duration=0.01).plot("energy"),  # type: ignore[misc]
     lambda: fl.simulate(SCENE, duration=0.01).animate("film.gif", 12),  # type: ignore[misc]
     lambda: fl.Problem(SCENE).simulate(tip_mass=5.0),  # type: ignore[call-arg]
+    lambda: fl.linearize(SCENE),
+    lambda: fl.Simulator(SCENE).step(0.001),
 ], ids=["simulate", "many", "compare", "sweep", "urdf", "fit", "advise", "modes", "rest", "step", "batch", "c", "plot",
-        "animate", "problem"])  # fmt: skip
+        "animate", "problem", "scene for chain", "time for torques"])  # fmt: skip
 def test_a_call_that_does_not_fit_is_refused_with_what_the_function_takes(call: Callable[[], object]) -> None:
     with refused(fl.errors.ArgumentError, "wrong-arguments"):
         call()
@@ -155,6 +157,10 @@ def test_a_call_that_does_not_fit_is_refused_with_what_the_function_takes(call: 
     (lambda chain: fl.linearize(chain, chain.rest, outputs="tip"), "wrong-type"),
     (lambda chain: fl.linearize(chain, [chain.rest, chain.rest]), "wrong-shape"),
     (lambda chain: fl.jacobian(chain, chain.rest, body="upper"), "not-an-integer"),
+    (lambda chain: fl.tip_position(chain, {"upper": 0.3}), "wrong-type"),
+    (lambda chain: fl.forward_dynamics(chain, chain.rest, chain.rest, [1.0, 2.0]), "wrong-shape"),
+    (lambda _: SCENE.varied({"upper.length": 1.0}), "cannot-set"),
+    (lambda _: SCENE.varied({"aluminium.young": 7e10}), "cannot-set"),
     (lambda _: fl.Link(name="a", dh={"a": 0.5}), "missing-key"),
     (lambda _: fl.Material(EX=2e11, DENS=7850.0), "unknown-key"),
 ])  # fmt: skip
@@ -245,6 +251,17 @@ MISPLACED = {
     "a list in quotes": ("joint_deg = [0.0, -80.0, -10.0]", "joint_deg = '0, -80, -10'", "wrong-value"),
     "a heading in capitals": ("[run]", "[Run]", "unknown-key"),
     "a path with backslashes": ("[run]", '[run]\nmethod = "C:\\users\\rk.toml"', "not-toml"),
+    "a matrix of inertia": ("[run]", "[tip]\ninertia = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n[run]", "wrong-value"),
+    "a torque on the tip": ("[run]", "[wrench]\ntorque = [0, 0, 1]\n[run]", "unknown-key"),
+    "a joint's motion": ("[run]", "[[motion]]\njoint = 'upper'\nangle_deg = 30\n[run]", "unknown-key"),
+    "a spring": (
+        "[run]",
+        "[[tie]]\nname = 'a'\nkind = 'spring'\nfrom = 'fore'\nto = 'world'\nk = 1e4\n[run]",
+        "unknown-key",
+    ),
+    "an IMU": ("[run]", "[[sensor]]\nname = 'a'\nkind = 'imu'\nlink = 'fore'\n[run]", "wrong-value"),
+    "an encoder": ("[run]", "[[sensor]]\nname = 'a'\nkind = 'encoder'\nlink = 'fore'\n[run]", "wrong-value"),
+    "a load cell": ("[run]", "[[sensor]]\nname = 'a'\nkind = 'load_cell'\nlink = 'fore'\n[run]", "wrong-value"),
 }
 
 
@@ -311,6 +328,14 @@ def test_a_property_that_fails_shows_its_own_error() -> None:
     run.scene.arm.materials["aluminium"] = 5
     with pytest.raises(AttributeError, match="int"):
         run.hints  # noqa: B018
+
+
+def test_a_workbook_in_place_of_a_table_is_named(tmp_path: Path, capsys) -> None:
+    (tmp_path / "run.xlsx").write_bytes(b"PK\x03\x04\xff[Content_Types].xml")
+    changes = "motion=[{ link = 'upper', file = 'run.xlsx', cutoff = 10.0 }]".replace("run", str(tmp_path / "run"))
+    command = "info models/paper_fig5.toml --set"
+    assert main([*command.split(), changes]) == 2
+    refused_line(capsys.readouterr().err.replace(str(tmp_path), ""), "not-utf8")
 
 
 def test_a_stored_run_is_no_scene(tmp_path: Path) -> None:
