@@ -33,10 +33,10 @@ def vector(
     if type(value) is not np.ndarray or value.dtype is not FLOAT64 or not value.flags.carray or value.shape != (size,):
         meaning = meaning or words()["of_joints"].get(name, "")
         value = real_array(name, value, (size,), meaning)
-    if value.shape != (size,):
-        also = f", or (b, {size}) for b states" if many else ""
-        also += f": give one row, such as {name}[-1]" if value.shape[1:] == (size,) else meaning
-        raise ArgumentError(f"{name} has shape {value.shape}; expected ({size},){also}", id="wrong-shape")
+        if value.shape != (size,):
+            also = f", or (b, {size}) for b states" if many else ""
+            also += f": give one row, such as {name}[-1]" if value.shape[1:] == (size,) else meaning
+            raise ArgumentError(f"{name} has shape {value.shape}; expected ({size},){also}", id="wrong-shape")
     if finite and not is_finite(value):
         k = int(np.argmin(np.isfinite(value)))
         raise ArgumentError(f"{name}[{k}] = {value[k]} is not finite; expected {size} finite numbers", id="not-finite")

@@ -230,8 +230,8 @@ class Simulator:
         >>> print(after.t, after.q.shape)
         0.01 (6,)
         """
-        if _more or (duration is None and isinstance(tau, int | float)):
-            refuse_call(self.step, "too many positional arguments" if _more else f"{tau!r} is no list of torques", {})
+        if _more:
+            refuse_call(self.step, "too many positional arguments", {})
         duration = self._run.spacing if duration is None else duration
         inputs, end, steps = self._driven, self._later(duration), self._steps
         drive = remembered(inputs.drive) if inputs.drive.rate else ()  # only a sampled drive has memory
