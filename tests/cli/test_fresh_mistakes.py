@@ -350,7 +350,7 @@ def test_the_text_of_a_scene_is_no_path() -> None:
 
 
 def test_an_attribute_of_a_part_is_named_there() -> None:
-    with pytest.raises(AttributeError, match=r"'links'; see arm\.links$"):
+    with pytest.raises(AttributeError, match=r"arm\.links$"):
         _ = SCENE.links  # type: ignore[attr-defined]
     assert not hasattr(SCENE, "__array__")
 
@@ -358,7 +358,8 @@ def test_an_attribute_of_a_part_is_named_there() -> None:
 def test_modes_of_locked_joints_end_with_their_own_first_frequency(capsys) -> None:
     firsts = []
     for lock in ([], ["--lock", "upper", "fore"], ["--lock", "upper"]):
-        assert main(["modes", "models/paper_fig5.toml", *lock]) == 0
+        given = ["modes", "models/paper_fig5.toml", *lock]
+        assert main(given) == 0
         firsts.append(capsys.readouterr().out.splitlines()[-1])
     driven, held, one = (float(line.split(" Hz, ")[-2].rpartition(" ")[2]) for line in firsts)
     assert held == pytest.approx(driven, rel=1e-5)  # at rest its weight bends the arm
