@@ -64,15 +64,14 @@ def resolved(found: Modes, chain: Chain) -> tuple[bool, ...]:
     """Whether the frequency of each mode is a property of the arm, rather than of its division into hinges.
 
     A link's hinge angles about an axis change sign where the beam's curvature does. A half-wave lies between two such
-    sign changes and needs `HINGES_A_HALF_WAVE` hinges, so at most one mode per pair of hinges is resolved. Pendulum and
-    rigid modes count as resolved, artificial ones do not. Frequencies of resolved modes are mostly accurate to a few
-    per cent.
+    sign changes and needs `HINGES_A_HALF_WAVE` hinges, so at most one mode per pair of hinges, per gear and per spring
+    of a root is resolved. Pendulum and rigid modes count as resolved, artificial ones do not. Frequencies of resolved
+    modes are mostly accurate to a few per cent.
     """
-    springs = int((chain.stiffness > 0).sum())
+    most = (chain.stiffness > 0).sum() - sum(map(len, _lines(chain))) * (1 - 1 / HINGES_A_HALF_WAVE)
     elastic = np.cumsum([kind == "elastic" for kind in found.kinds])
     return tuple(
-        kind in {"pendulum", "rigid"}
-        or (kind == "elastic" and bool(rank <= springs / HINGES_A_HALF_WAVE) and _resolves(shape, chain))
+        kind in {"pendulum", "rigid"} or (kind == "elastic" and bool(rank <= most) and _resolves(shape, chain))
         for kind, rank, shape in zip(found.kinds, elastic, found.shapes, strict=True)
     )
 

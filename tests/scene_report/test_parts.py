@@ -498,6 +498,15 @@ def test_at_most_half_of_the_modes_are_resolved_and_have_converged_frequencies(m
     assert not fine[-1], "the fastest mode is never resolved"
 
 
+def test_the_mode_of_a_gear_does_not_depend_on_the_number_of_segments(models: Path) -> None:
+    chain = fl.lump(fl.load_scene(models / "two_mass_joint.toml"))
+    modes = fl.modes(chain)
+    assert (modes.kinds, resolved(modes, chain)) == (("rigid", "elastic"), (True, True))
+    spatial = fl.lump(fl.load_scene(models / "t3_spatial.toml").varied({"link.*.segments": 3}))  # without gears
+    modes = fl.modes(spatial, locked=spatial.active.tolist())
+    assert not any(resolved(modes, spatial)[np.count_nonzero(spatial.stiffness) // 2 :])
+
+
 def test_pendulum_modes_count_as_resolved(models: Path) -> None:
     chain = fl.lump(fl.load_scene(models / "three_links.toml").varied({"link.*.segments": 3}))
     modes = fl.modes(chain, fl.solve_static(chain, locked=chain.active.tolist()).q)
