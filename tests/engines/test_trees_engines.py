@@ -5,6 +5,7 @@ import re
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import flexlink as fl
 from flexlink.dynamics.placement import frames
@@ -57,6 +58,11 @@ def test_a_keyframe_places_the_base_by_a_quaternion_and_joints_branch_by_branch(
         assert data.body(called).xpos == pytest.approx(frames(chain, q).points[number], abs=1e-14)
     assert model.nv == chain.n == len(depth_first(chain))
     assert data.qvel[3:6] == pytest.approx(np.radians([5.0, -3.0, 8.0]), rel=1e-14)  # ω in axes of the base
+    q[3:6], h = (0.4, -0.7, 1.1), 1e-5
+    texts = [fl.to_mjcf(chain, initial=(q + step * qd, qd), timestep=1e-3) for step in (-h, 0.0, h)]
+    before, now, after = (mujoco.MjModel.from_xml_string(text).key(0) for text in texts)
+    turn = (Rotation(before.qpos[[4, 5, 6, 3]]).inv() * Rotation(after.qpos[[4, 5, 6, 3]])).as_rotvec()
+    assert turn / (2 * h) == pytest.approx(now.qvel[3:6], rel=1e-8)
 
 
 def test_mujoco_refuses_branches_where_nothing_has_mass() -> None:

@@ -1,5 +1,6 @@
 """Every file format stores springs between hinges exactly, and MuJoCo computes their torques within rounding."""
 
+import contextlib
 import dataclasses
 from xml.etree import ElementTree as ET
 
@@ -154,6 +155,18 @@ def first_twice(root: ET.Element) -> None:
 def test_contradictions_in_a_file_are_refused_by_name(form: str, edit: planted.Edit, id: str) -> None:
     with refused(DataFileError, id):
         FORMATS[form].read(edited(form, edit, fl.lump(arm())))
+
+
+@pytest.mark.parametrize("share", [1.9, 2.1])
+def test_a_coupling_is_at_most_the_geometric_mean_of_the_springs_of_both_joints(share: float) -> None:
+    chain = fl.lump(arm())
+    hinges, couplings = chain.hinges.copy(), chain.couplings.copy()
+    i, j = (int(couplings[end][0]) for end in ("inner", "outer"))
+    hinges["stiffness"][j] = 4 * hinges["stiffness"][i]
+    couplings["stiffness"][0] = share * hinges["stiffness"][i]
+    text = fl.to_urdf(dataclasses.replace(chain, hinges=hinges, couplings=couplings))
+    with contextlib.nullcontext() if share < 2 else refused(DataFileError, "file-content", values=False):
+        assert FORMATS["urdf"].read(text).couplings.tolist() == couplings.tolist()
 
 
 @pytest.mark.parametrize(("form", "path"), [("urdf", URDF), ("sdf", SDF)])

@@ -68,6 +68,16 @@ def test_limits_wider_than_the_placeholder_for_no_limit_are_kept(format, limits:
     assert_same(format.read(format.write(chain)), chain)
 
 
+@EVERY
+@pytest.mark.parametrize(("end", "limit"), [("lower", -0.5), ("upper", 0.5)])
+def test_a_limit_at_one_end_is_kept(format, end: str, limit: float) -> None:
+    chain = small_chain()
+    hinges = chain.hinges.copy()
+    hinges[end][0] = limit
+    changed = dataclasses.replace(chain, hinges=hinges)
+    assert_same(format.read(format.write(changed)), changed)
+
+
 def small_chain() -> fl.Chain:
     """A chain with one of everything: a massless waist, a rotated mount, two axes at a point, a rotor, friction."""
     arm = flexible(

@@ -69,6 +69,8 @@ def test_a_stiffness_and_a_rotor_are_offered_by_options_that_work(attribute: str
     path.write_text(RandomRobot(1).text().replace('damping="0.5"', f'damping="0.5" {attribute}="70"'), encoding="utf-8")
     (warning,) = (one for one in fl.import_urdf(path).warnings if one.id == "left-out")
     reviewed(f"import: offered {attribute}", warning)
+    left_out = [one for one in fl.import_urdf(path, armature={"j5": 0.1}).warnings if one.id == "left-out"]
+    assert left_out == [warning] * (attribute == "K")
     options = shlex.split(re.search(r"--.*?(?=, times| \(|$)", warning)[0].replace("=I", "=0.5"))
     assert main(["import", str(path), "-o", str(out), *options]) == 0
     joint = next(link.joint for link in fl.load_scene(out).arm.links if link.name == "p5")
@@ -117,6 +119,8 @@ def test_a_follower_on_the_path_moves_by_a_tie_as_in_pinocchio(slides: bool, tmp
     found = fl.import_urdf(path, tip="hand", posture={"to_upper": 0.4})
     reviewed("import: mimic-tied", line(str(found), "to_fore: moves by"))
     assert found.path.parts[1].joint.limits == pytest.approx((-2.3, 2.7))  # from its offset
+    plain = saved(tmp_path, path.read_text(encoding="utf-8").replace('multiplier="-0.7"', ""), "plain")
+    assert fl.import_urdf(plain, tip="hand").path.followers["to_fore"].multiplier == 1
     still = saved(tmp_path, path.read_text(encoding="utf-8").replace('"-0.7"', '"0"'), "still")
     with pytest.raises(ArgumentError, match=r"to_fore=0\.0"):
         fl.import_urdf(still, tip="hand")

@@ -14,7 +14,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import flexlink as fl
-from flexlink.chain.rigid import NOTHING, Pose, SpatialInertia, body_with
+from flexlink.chain.rigid import HERE, NOTHING, Pose, SpatialInertia, body_with
 from flexlink.cli import import_robot
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.describe.directions import line_of
@@ -163,6 +163,13 @@ def test_splitting_a_link_conserves_mass_centre_and_inertia(rng) -> None:
             assert np.linalg.eigvalsh(part.covariance)[0] >= -1e-14 * np.trace(part.inertia)
 
 
+def test_what_remains_of_a_link_before_or_beyond_its_beam_is_at_this_end_of_it() -> None:
+    beam = body_with(0.1, np.array([0.5, 0.0, 0.0]), np.diag([0.1 / 12, 0.0, 0.0]))
+    for x, masses in ((-0.5, [2.0, 0.0]), (1.5, [0.0, 2.0])):
+        link = body_with(2.0, np.array([x, 0.0, 0.0]), np.eye(3)).plus(beam)
+        assert [one.mass for one in cut(link, beam, HERE, 1.0)] == pytest.approx(masses)
+
+
 def test_above_the_largest_beam_mass_the_remaining_body_is_impossible(rng) -> None:
     for _ in range(100):
         link, beam, _, _ = bodies(rng)
@@ -197,8 +204,9 @@ def test_equal_limits_are_ignored_also_for_a_given_position(tmp_path: Path) -> N
 def test_a_beam_ends_at_the_first_of_equal_branches() -> None:
     places = [Pose(np.eye(3), np.array([x, 0.0, 0.0])) for x in (0.0, 1.0, 2.0)]
     parts = [Part(cast("Any", None), "-", k > 0, place, NOTHING, ()) for k, place in enumerate(places)]
-    tips = Tip("b", 2, places[0]), Tip("c", 3, places[0])
-    assert Paths("base", tips, tuple(parts), {}, ()).beyond()[0] is places[1]
+    tips = Tip("b", 2, places[0]), Tip("c", 3, places[0]), Tip("d", 3, places[1])
+    first, _, last = Paths("base", tips, tuple(parts), {}, ()).beyond()
+    assert first is places[1] and last is places[0]
 
 
 def test_the_largest_mass_of_a_beam_is_printed_rounded_down() -> None:
@@ -381,12 +389,13 @@ def test_an_unspecified_joint_angle_is_zero_or_the_middle_of_its_limits(lower, u
     assert positions_of(cast("Any", robot), {}) == {"j": stays}
 
 
-def test_a_lock_on_the_command_line_replaces_the_stored_one() -> None:
-    nothing = {key: [] for key in ("posture", "flexible", "armature")}
-    options = SimpleNamespace(base=None, tip=None, free_base=False, locked=["b=90"], **nothing)
-    known = KnownArm(file="arm.urdf", locked={"a": 0.1, "b": 0.2})
+@pytest.mark.parametrize("key", ["locked", "posture"])
+def test_a_position_on_the_command_line_replaces_the_stored_one(key: str) -> None:
+    given = {"locked": [], "posture": [], "flexible": [], "armature": []} | {key: ["b=90"]}
+    options = SimpleNamespace(base=None, tip=None, free_base=False, **given)
+    known = KnownArm(file="arm.urdf", **{key: {"a": 0.1, "b": 0.2}})
     arguments = import_robot._arguments(cast("Any", SimpleNamespace(joints={})), known, cast("Any", options))
-    assert arguments["locked"] == {"a": 0.1, "b": np.pi / 2}
+    assert arguments[key] == {"a": 0.1, "b": np.pi / 2}
 
 
 def test_a_joint_that_mimics_a_mimic_follows_the_leader_of_both() -> None:
@@ -395,3 +404,4 @@ def test_a_joint_that_mimics_a_mimic_follows_the_leader_of_both() -> None:
     robot = cast("Any", SimpleNamespace(joints=joints))
     robot.rule = partial(Robot.rule, robot)
     assert Robot.position(robot, cast("Any", joints["c"]), {"a": 0.5}) == 2 * (3 * 0.5 + 5) + 1
+    assert Robot.position(robot, cast("Any", joints["c"]), {"a": 0.5, "b": 0.4}) == 2 * 0.4 + 1  # b is locked

@@ -50,7 +50,7 @@ ODD = """<mujoco>
         <joint name="lift" type="slide" axis="1 2 0" ref="0.1" range="-1 1"/>
         <joint name="yaw" axis="0 1 3" pos="0.1 -0.2 0" ref="25" stiffness="7"/>
         <joint name="roll" axis="1 0 0" pos="0 0.3 0.1" armature="0.3"/>
-        <geom type="box" size="0.1 0.2 0.05" pos="0.1 0 0" euler="20 0 50"/>
+        <geom type="box" contype="0" size="0.1 0.2 0.05" pos="0.1 0 0" euler="20 0 50"/>
         <body name="hand" pos="0.2 0.1 0" euler="0 50 0">
           <joint name="grip" axis="0 0 1" damping="0.2" frictionloss="0.4"/>
           <inertial pos="0.1 0 0" mass="2" fullinertia="0.03 0.04 0.05 0.01 0 0.002"/>
@@ -135,7 +135,8 @@ def test_ties_return_from_mjcf_with_their_names_and_values(tmp_path: Path) -> No
     scene = scene_from(
         {"name": "three", "link": [{"name": name, "length": 0.4, **link} for name in "abc"], "tie": ties}
     )
-    found = import_urdf(exported(tmp_path, fl.lump(open_chain(scene)), scene)).scene
+    found = import_urdf(path := exported(tmp_path, fl.lump(open_chain(scene)), scene)).scene
+    assert ET.parse(path).find("default/equality").get("solref") == "0.002 1.0"  # two steps
     assert [(tie.name, tie.kind) for tie in found.tie] == [(tie.name, tie.kind) for tie in scene.tie]
     for tie, first in zip(found.tie, scene.tie, strict=True):
         for end, other in ((tie, first), (tie.to, first.to)):

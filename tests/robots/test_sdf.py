@@ -74,6 +74,7 @@ def test_an_exported_arm_has_the_same_mass_matrix(seed: int, tmp_path: Path) -> 
 def test_a_four_bar_keeps_to_its_closed_form(tmp_path: Path) -> None:
     """Freudenstein: d/a cos φ − d/c cos θ + (a² − b² + c² + d²) / 2ac = cos(θ − φ), with the ground d."""
     found = import_urdf(saved(tmp_path, FOUR_BAR))
+    assert found.scene.arm.links[0].mount.xyz == (0, 0, 0.5)  # of the model
     (tie,) = found.scene.tie
     assert (tie.name, tie.kind, tie.link, tie.point) == ("pin", "hinge", "rocker", pytest.approx((0.8, 0, 0)))
     assert (tie.to.link, tie.to.point) == ("coupler", pytest.approx((1, 0, 0)))
@@ -109,6 +110,12 @@ def test_axes_of_a_hinge_that_closes_a_loop_are_those_of_each_link(tmp_path: Pat
     assert [np.abs(axis) for axis in (tie.axis, tie.to.axis)] == [pytest.approx((0, 0, 1)), pytest.approx((0, 1, 0))]
     without = saved(tmp_path, FOUR_BAR.replace("<axis><xyz>0 -1 0</xyz></axis>", ""))
     assert read_robot(without).joints["a"].axis == pytest.approx((0, 0, 1))
+
+
+def test_what_a_link_does_not_state_of_its_inertia_is_1_kg_and_1_kg_m2(tmp_path: Path) -> None:
+    text = FOUR_BAR.replace(f"<inertial><pose>0.4 0 0 0 0 0</pose>{MASS}</inertial>", "")
+    world, *links = read_robot(saved(tmp_path, text.replace("<mass>1</mass>", ""))).links.values()
+    assert [world.mass, *(link.mass for link in links), *links[-1].inertia.flat] == [0, 1, 1, 1, *np.eye(3).flat]
 
 
 def test_the_first_link_of_a_model_without_the_world_is_fixed(tmp_path: Path) -> None:
