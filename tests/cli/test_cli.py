@@ -26,6 +26,7 @@ from flexlink.describe.schemes.methods import method
 from flexlink.formats import FORMATS
 from flexlink.identification.systematic import Grid
 from flexlink.motion import single_run as single
+from flexlink.motion.evaluation_cost import step_cost
 from flexlink.scene_report.parts import vibration
 from flexlink.scene_report.study import Study
 from tests.conftest import ROOT, make_scene
@@ -398,6 +399,14 @@ def test_x11_and_wayland_displays_both_count_as_a_screen(name: str, monkeypatch:
     assert not has_screen()
     monkeypatch.setenv(name, ":0")
     assert has_screen()
+
+
+def test_the_cost_of_a_second_of_motion_is_that_of_its_steps(paper: str, capsys) -> None:
+    assert main(["info", paper, "--json"]) == 0
+    chain, rows = fl.lump(fl.load_scene(paper)), json.loads(capsys.readouterr().out)["stable_steps"]
+    costs = {row["method"]: row["cpu_s_per_s"] * row["step_s"] for row in rows if row["step_s"] is not None}
+    first, *others = [cost / step_cost(chain, name) for name, cost in costs.items()]
+    assert others == pytest.approx([first] * len(others)) and others
 
 
 def test_info_lists_no_steps_if_every_step_is_stable(tmp_path, capsys) -> None:

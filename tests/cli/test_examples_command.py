@@ -38,6 +38,13 @@ def test_every_file_that_a_copied_file_quotes_is_copied(tmp_path: Path) -> None:
         assert used <= {Path(path).name for path in copied(tmp_path, *(used or {"lqr"}))}
 
 
+def test_files_that_quoted_files_quote_are_copied_as_well(tmp_path: Path) -> None:
+    files = {f"{name}.toml": tmp_path / f"{name}.toml" for name in "abc"}
+    for path, quoted in zip(files.values(), ('"b.toml"', '"c.toml"', ""), strict=True):
+        path.write_text(quoted, encoding="utf-8")
+    assert examples._wanted(["a"], files) == [*files]
+
+
 def test_a_copy_is_equal_and_may_be_repeated(tmp_path: Path, capsys) -> None:
     assert copied(tmp_path, PAPER) == [PAPER]
     assert copied(tmp_path, "paper_fig5") == [PAPER]

@@ -356,10 +356,9 @@ def test_an_attribute_of_a_part_is_named_there() -> None:
 
 
 def test_modes_of_locked_joints_end_with_their_own_first_frequency(capsys) -> None:
-    firsts = []
+    command, firsts = ["modes", "models/paper_fig5.toml"], []
     for lock in ([], ["--lock", "upper", "fore"], ["--lock", "upper"]):
-        given = ["modes", "models/paper_fig5.toml", *lock]
-        assert main(given) == 0
+        assert main([*command, *lock]) == 0
         firsts.append(capsys.readouterr().out.splitlines()[-1])
     driven, held, one = (float(line.split(" Hz, ")[-2].rpartition(" ")[2]) for line in firsts)
     assert held == pytest.approx(driven, rel=1e-5)  # at rest its weight bends the arm

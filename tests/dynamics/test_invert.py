@@ -1,6 +1,7 @@
 """The tip follows its move: torques against a continuous beam, and moves, delays and refusals of `invert`."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -324,7 +325,8 @@ def test_the_command_writes_a_scene_and_prints_the_gain(tmp_path: Path, capsys: 
     out = tmp_path / "moved.toml"
     command = ["invert", "models/ptp_move.toml", "--set", "run.duration=2"]
     assert main([*command, "--out", str(out)]) == 0
-    reviewed("invert", capsys.readouterr().out.rpartition("\n")[0].rpartition("\n")[0], values=False)
+    reviewed("invert", (shown := capsys.readouterr().out).rpartition("\n")[0].rpartition("\n")[0], values=False)
+    assert re.findall(r"within (\S+) mm", shown) == ["1", "1"]  # by default
     assert fl.load_scene(out).drive.torques is not None
     assert main([*command, "--tip", *GOAL, "--duration", "1", "--json"]) == 0
     said = json.loads(capsys.readouterr().out)

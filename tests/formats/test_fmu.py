@@ -263,10 +263,13 @@ def test_what_an_fmu_cannot_be_written_for_is_refused(monkeypatch: pytest.Monkey
 
 def test_the_export_command_writes_fmus(tmp_path: Path) -> None:
     path = tmp_path / "arm.toml"
-    make_scene(flexible("a", "z", 2)).save(path)
-    assert main(["export", str(path), "--fmu", str(tmp_path / "arm.fmu"), "--no-binary", "--fmi", "2"]) == 0
+    make_scene(flexible("a", "z", 2)).varied({"run.duration": 2.5}).save(path)
+    words = ["export", str(path), "--out", str(tmp_path), "--fmu", "arm.fmu", "--no-binary", "--fmi", "2"]
+    assert main(words) == 0
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["arm.fmu", "arm.toml"]  # no files of other formats
     description = zipfile.ZipFile(tmp_path / "arm.fmu").read("modelDescription.xml").decode()
-    assert re.search(r'fmiVersion="(.*?)"', description)[1] == "2.0"
+    found = [re.search(rf'{key}="(.*?)"', description)[1] for key in ("fmiVersion", "stopTime")]
+    assert found == ["2.0", "2.5"]
 
 
 SENSORS = (
