@@ -1,5 +1,6 @@
 """A run with a tolerance keeps it or states that it does not; its stated error is near the true one."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +66,8 @@ def test_a_run_keeps_its_tolerance_and_states_its_error(scene: fl.Scene) -> None
             assert 0.2 < run.error.max() / (run.stated.allowed * error) < 5.0
         assert run.kept == (run.error.max() <= run.stated.allowed)
         assert str(run.stated) in str(run)
+        late = run.stated._replace(tip=np.array([0.0, 2.0, 0.5]) * run.stated.allowed)
+        assert not replace(run, stated=late).kept
 
 
 def test_a_law_in_python_also_reads_vibrations() -> None:

@@ -95,6 +95,11 @@ def test_postures_end_at_the_tip_and_loads_are_largest_where_the_moment_is(run: 
         run.plot(what="loads", ax=Figure().subplots(1, 2))
 
 
+def test_the_phase_of_a_loop_falls_by_more_than_a_turn_without_a_jump() -> None:
+    phase = plotting.plot_bode(hertz := np.geomspace(0.1, 100.0, 200), (1 + 1j * hertz) ** -5.0, "-").axes[1].lines[0]
+    assert phase.get_ydata() == pytest.approx(-5 * np.degrees(np.arctan(hertz)))
+
+
 def test_every_plot_draws_into_the_axes_that_are_given() -> None:
     hold = fl.Drive(kind="pd", kp=(9e3, 9e3), kd=(9e2, 9e2), target_deg=(0.0, 0.0), rate=1000.0)
     scene = make_scene(flexible("a"), flexible("b"), drive=hold)

@@ -551,6 +551,7 @@ class TestUncertainty:
         first = of["mode 1 [Hz]"]
         found = [first[head] / first["this scene"] for head in ("median", "low", "high")]
         assert found == pytest.approx(np.exp(np.array([0.0, -1.96, 1.96]) * 0.02), rel=2e-3)
+        assert first["± [%]"] == pytest.approx(100 * 1.96 * 0.02, rel=0.03)
         bends, holds = (of[name] for name in ("largest deflection [m]", "largest drive bar [N m]"))
         widths = [(row["high"] - row["low"]) / row["median"] for row in (bends, holds)]
         assert widths == pytest.approx([2 * 1.96 * 0.04, 0.0], rel=0.03, abs=0.01)
