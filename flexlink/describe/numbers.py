@@ -4,7 +4,7 @@ import itertools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from flexlink.common.errors import ArgumentError, FlexlinkError, SceneError
 from flexlink.common.types import Array
@@ -62,6 +62,12 @@ def check_table(
 def multiples(start: float, between: float, count: int) -> Array:
     """Return equally spaced times [s] from a start; if it is an integer multiple of the spacing, so are all others."""
     return (parts(start, between) + np.arange(count, dtype=np.float64)) * between
+
+
+def within(times: Array, first: float, last: float = np.inf) -> NDArray[np.bool_]:
+    """Which of these increasing times [s] lie from `first` to `last`, up to the rounding of decimal input."""
+    rounding = 1e-9 * (times[-1:] - times[:1]) / max(len(times), 1) + 8 * np.finfo(float).eps * np.abs(times)
+    return (times + rounding >= first) & (times - rounding <= last)
 
 
 def parts(value: float, unit: float) -> float:

@@ -180,7 +180,7 @@ def _odd_shaper(scene: Scene) -> Iterator[Diagnostic]:
 
 def _unused(scene: Scene) -> Iterator[Diagnostic]:
     """Settings without effect."""
-    for each in (_unused_drive, _unused_targets, _unused_link_keys, _centers_without_mass):
+    for each in (_unused_drive, _unused_targets, _unused_keys_of_parts):
         for key, why in each(scene):
             yield Diagnostic(f"{key}; {why}", "no-effect")
 
@@ -245,18 +245,15 @@ def _few_hinges(scene: Scene) -> Iterator[Diagnostic]:
             yield Diagnostic(text, "few-hinges")
 
 
-def _centers_without_mass(scene: Scene) -> Unused:
-    for key, body in bodies(scene.arm):
-        if any(body.center) and not body.mass:
-            yield f"{key}.center = {body.center!r}: has no effect", "the body has no mass"
-
-
-def _unused_link_keys(scene: Scene) -> Unused:
+def _unused_keys_of_parts(scene: Scene) -> Unused:
     for k, link in enumerate(scene.arm.links, 1):
         if link.drag is not None and scene.air_density is None:
             yield f"{scene.arm.path(k)}.drag: has no effect", "there is no air; give air_density = 1.2, or leave it out"
         for key, value, why in _idle(link):
             yield f"{scene.arm.path(k)}.{key} = {value!r}: has no effect", why
+    for key, body in bodies(scene.arm):
+        if any(body.center) and not body.mass:
+            yield f"{key}.center = {body.center!r}: has no effect", "the body has no mass"
 
 
 def _idle(link: Link) -> Iterator[tuple[str, object, str]]:

@@ -15,6 +15,7 @@ from flexlink.common.errors import ArgumentError, DataFileError, Diagnostic, Fle
 from flexlink.common.types import Array
 from flexlink.common.wording import did_you_mean, plural
 from flexlink.data.csv_table import Measured, measured_from, named, read_measured
+from flexlink.describe.numbers import within
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
 from flexlink.dynamics.placement import tip_position
@@ -87,12 +88,12 @@ def recorded(problem: FitProblem, run: FitRun) -> Source:
     measured, offset = _from_start(run, scene, _measured(run, known))
     first, last = run.window or (-math.inf, math.inf)
     first = max(first, scene.initial.time)
-    inside = (measured.t >= first) & (measured.t <= last)
+    inside = within(measured.t, first, last)
     if inside.sum() < 2:
         text = f"the file covers {measured.t[0]:g} to {measured.t[-1]:g} s"
         text = f"run {run.name!r}: fewer than two samples from {first:g} to {last:g} s; {text}"
         raise DataFileError(text, id="too-few-samples")
-    t, heads = measured.t[inside], _by_name(run, known, measured.columns)
+    t, heads = np.maximum(measured.t[inside], scene.initial.time), _by_name(run, known, measured.columns)
     of_sensors = _noise_of_sensors(scene, measured.columns)
     blocks = tuple(
         _block(run, name, column[inside], t, heads, known, of_sensors.get(name, 0.0))
@@ -127,7 +128,7 @@ def _from_start(run: FitRun, scene: Scene, measured: Measured) -> tuple[Measured
         measured = measured._replace(t=begin + (t - zero))
         t = measured.t
     between, late = float(np.median(np.diff(t))), float(t[0]) - begin
-    if before := int((t < begin - 1e-9).sum()):
+    if before := int((~within(t, begin)).sum()):
         text = f"{plural(before, 'sample')} before the scene's start at {begin:g} s not used"
         return measured, (Diagnostic(text, "samples-before-start"),)
     if late <= 1.5 * between or run.window is not None:

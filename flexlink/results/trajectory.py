@@ -18,6 +18,7 @@ from flexlink.common.output import write_whole
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.data.documents import require_path
+from flexlink.describe.numbers import within
 from flexlink.dynamics.placement import unbent
 from flexlink.kernels.geometry.kinematics import tip_points
 from flexlink.results.samples import Columns, RunSamples
@@ -237,11 +238,10 @@ class Trajectory(RunSamples):
         >>> print(run.settling_time(target=rest, tolerance=0.02) < 1.0)  # s
         True
         """
-        after = real("after", after, "a time [s]")
         t, tip = self._from(after)
         outside = np.flatnonzero(distances(tip, vector("target", target, 3)) > positive("tolerance", tolerance))
         first = outside[-1] + 1 if outside.size else 0
-        return float(t[first]) - after if first < len(t) else math.inf
+        return max(0.0, float(t[first] - after)) if first < len(t) else math.inf
 
     def overshoot(self, *, target: ArrayLike) -> float:
         """Largest distance by which the tip passes its target, along the straight line from its start to the target.
@@ -304,8 +304,7 @@ class Trajectory(RunSamples):
 
     def _from(self, after: float, least: int = 1) -> tuple[Array, Array]:
         """Times and positions of the tip from `after` on."""
-        t = self.t
-        kept = t >= real("after", after, "a time [s]")
+        t, kept = self.t, within(self.t, real("after", after, "a time [s]"))
         if kept.sum() < least:
             span = f"run from {t[0]:g} to {t[-1]:g} s" if len(t) else "run without samples"
             text = f"a {span} has {kept.sum()} samples from that time on; needs at least {least}"

@@ -18,6 +18,7 @@ import scipy
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.data.csv_table import Measured
+from flexlink.describe.numbers import within
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.rounding import EPS, ROUNDINGS
 from flexlink.identification.fit import quick_estimates
@@ -77,8 +78,9 @@ def numbers_of(scene: Scene) -> Iterator[Tried]:
         ("rigidity", arm.rigidities, [link.rigidity for link in arm.links], of_rigidity),
     ):
         for name, (key, what) in itertools.product(dict.fromkeys(filter(None, names)), keys.items()):
+            part = f'"{name}"' if "." in name else name
             if value := getattr(records[name], key):
-                yield Tried(f"{kind}.{quoted(name)}.{key}", f"{what} of {name}", value)
+                yield Tried(f"{kind}.{part}.{key}", f"{what} of {name}", value)
     if arm.tip.mass:
         yield Tried("tip.mass", "payload", arm.tip.mass)
     for number, (link, start) in enumerate(zip(arm.links, scene.starts, strict=True), 1):
@@ -95,16 +97,11 @@ def numbers_of(scene: Scene) -> Iterator[Tried]:
             yield Tried(f"initial.joint_{joint.terms.unit}.{number}", f"start of {link.name}", start)
 
 
-def quoted(name: str) -> str:
-    """Return a name, quoted if necessary, as part of a path."""
-    return f'"{name}"' if "." in name else name
-
-
 class Comparison:
     """Comparison of a scene's run with a measurement."""
 
     def __init__(self, scene: Scene, run: Trajectory, measured: Measured) -> None:
-        inside = (measured.t >= run.t[0]) & (measured.t <= run.t[-1])
+        inside = within(measured.t, run.t[0], run.t[-1])
         self.t, self.left_out = measured.t[inside], int((~inside).sum())
         columns = {name: column[inside] for name, column in measured.columns.items()}
         self.measured = {name: column for name, column in columns.items() if np.isfinite(column).any()}

@@ -8,6 +8,7 @@ import numpy as np
 from flexlink.common.errors import ArgumentError, FlexlinkError, SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import did_you_mean, short_list, truncated
+from flexlink.describe.numbers import within
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3
 from flexlink.describe.tie import refuse_ties
 from flexlink.dynamics.equilibrium import solve_static
@@ -81,7 +82,7 @@ class SweepOutput(Spec, frozen=True):
         return [float(value) for value in self._reduced(block.t[: block.rows], columns_of(block, self.of))]
 
     def _reduced(self, t: Array, column: Array) -> Array:
-        first = int(np.searchsorted(t, self.after)) if self.after > t[0] else 0
+        first = len(t) - int(within(t, self.after).sum())
         if first == len(t):
             raise ArgumentError(f"after = {self.after:g}: the run ends at {t[-1]:g} s", id="after-the-end")
         return REDUCTIONS[self.take or "final"](t[first:], column[..., first:])

@@ -6,8 +6,14 @@ import sys
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 import flexlink as fl
+from flexlink.data.csv_table import Measured
+from flexlink.describe.numbers import within
+from flexlink.identification.data import recorded
+from flexlink.scene_report.fitting import Comparison
+from flexlink.sweeps.measures import SweepOutput
 from tests.conftest import nasty_scene
 from tests.support.words import refused
 
@@ -99,3 +105,27 @@ def test_without_the_package_the_error_names_the_command_that_installs_it(short_
     monkeypatch.setitem(sys.modules, package, None)
     with refused(fl.errors.MissingDependencyError, "package-missing"):
         getattr(short_run, f"to_{package}")()
+
+
+def test_a_sample_at_a_decimal_time_is_from_this_time_on() -> None:
+    """The sample at 0.33 s of a run with samples every 0.03 s is at 11 · 0.03 < 0.33 in binary numbers."""
+    scene = fl.load_scene("models/paper_fig5.toml").varied({"run.sample": 0.03, "run.duration": 0.66})
+    run = fl.simulate(scene, relative_tolerance=1e-2)
+    assert run.t[11] < 0.33 and run.t[22] < 0.66
+    assert run.settling_time(target=run.tip[-1], tolerance=10.0, after=0.33) == 0.0
+    assert SweepOutput(of="tip z [m]", take="first", after=0.33).measure(run) == run.tip[11, 2]
+    columns = {name: tuple(run.columns[name].tolist()) for name in ("t [s]", "tip z [m]")}
+    record = fl.fits.FitRun(name="a", columns=columns, window=(0.33, 0.66))
+    problem = fl.fits.FitProblem(scene=scene, parameter=(fl.fits.FitParameter(path="tip.mass"),), run=(record,))
+    assert len(recorded(problem, record).blocks[0].y) == 12
+    late = replace(record, window=None, start=0.33)
+    assert len(recorded(problem, late).blocks[0].y) == 12
+    assert Comparison(scene, run, Measured(np.array([0.0, 0.33, 0.66]), {})).left_out == 0
+
+
+def test_times_within_limits_are_judged_up_to_rounding_alone() -> None:
+    t = np.array([0.0, 0.1, 0.2, 0.3]) - 0.1 + 0.1
+    assert within(t, 0.1, 0.2).tolist() == [False, True, True, False]
+    assert within(t, 0.1 + 1e-9, 0.2 - 1e-9).tolist() == [False] * 4
+    assert within(1e-9 * t, 0.5e-10).tolist() == [False, True, True, True]
+    assert within(t[:0], 0.0).tolist() == []
