@@ -186,6 +186,7 @@ def _figure(found: Sequence[Group]) -> Figure:
     figure, panels = stacked_axes(len(found), 1.0, share=False)
     counts = [len(group.error) for group in found]
     figure.set_figheight(sum(0.75 + QUANTITY_LINE * count for count in counts))
+    figure.set_layout_engine("constrained", rect=(0.0, 0.0, 0.98, 1.0))  # room for a number at the right end of an axis
     panels[0].get_gridspec().set_height_ratios([0.35 / QUANTITY_LINE + count for count in counts])
     for axes, group in zip(panels, found, strict=True):
         for k, (e, u, verdict) in enumerate(zip(group.error, group.u_val, group.columns["verdict"], strict=True)):
