@@ -31,11 +31,11 @@ def vector(
     `finite=False` skips the check for finite values, which takes 0.2 µs; use it if a kernel checks the values anyway.
     """
     if type(value) is not np.ndarray or value.dtype is not FLOAT64 or not value.flags.carray or value.shape != (size,):
-        meaning = meaning or words()["of_joints"].get(name, "")
-        value = real_array(name, value, (size,), meaning)
+        meant: Callable[[], str] = lambda: meaning or words()["of_joints"].get(name, "")  # noqa: E731
+        value = real_array(name, value, (size,), meant)
         if value.shape != (size,):
             also = f", or (b, {size}) for b states" if many else ""
-            also += f": give one row, such as {name}[-1]" if value.shape[1:] == (size,) else meaning
+            also += f": give one row, such as {name}[-1]" if value.shape[1:] == (size,) else meant()
             raise ArgumentError(f"{name} has shape {value.shape}; expected ({size},){also}", id="wrong-shape")
     if finite and not is_finite(value):
         k = int(np.argmin(np.isfinite(value)))
@@ -51,9 +51,9 @@ def state(name: str, value: tuple[ArrayLike, ArrayLike], n: int) -> tuple[Array,
     return vector(f"{name}[0]", both[0], n), vector(f"{name}[1]", both[1], n)
 
 
-def real_array(name: str, value: ArrayLike, shape: tuple[int, ...], meaning: str = "") -> Array:
+def real_array(name: str, value: ArrayLike, shape: tuple[int, ...], meaning: Callable[[], str] = str) -> Array:
     """Return a writable, contiguous float64 copy, because kernels would be compiled again for read-only arrays."""
-    return np.atleast_1d(numbers(name, value, f"real numbers, shape {shape}{meaning}"))
+    return np.atleast_1d(numbers(name, value, lambda: f"real numbers, shape {shape}{meaning()}"))
 
 
 def dimensions(value: ArrayLike) -> int:
@@ -111,9 +111,9 @@ def refuse_call(function: Callable[..., object], why: str, given: Mapping[str, o
     example = words()["call"].get(function.__name__, "")
     by_name = f"{'and ' * bool(in_order)}by name {by_name}" if by_name else ""
     text = f"{function.__name__}: {why}{near}; it takes {', '.join(filter(None, (*in_order, by_name)))}"
-    for name, kind in ((name, type(value).__name__) for name, value in given.items()):
-        remedy = words()["conversion"].get(name.capitalize(), {}).get(kind, "")
-        text += f"; for {name} use {remedy}, not a {kind}" * bool(remedy)
+    for name, value in given.items():
+        remedy = words()["conversion"].get(name.capitalize(), {}).get(type(value).__name__, "")
+        text += f"; for {name} use {remedy}, not a {type(value).__name__}" * bool(remedy)
     raise ArgumentError(f"{text}{'; such as ' if example else ''}{example}", id="wrong-arguments") from None
 
 

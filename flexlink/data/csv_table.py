@@ -6,6 +6,7 @@ import io
 import math
 import re
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,13 +18,14 @@ from flexlink.common.wording import did_you_mean, plural, short_list, truncated
 from flexlink.data.documents import read_text, read_toml
 
 TIME = "t [s]"
-UNITS: dict[str, tuple[str, float]] = {
-    name: (si, size)
-    for si, units in read_toml(Path(__file__).with_name("units.toml")).items()
-    for name, size in units.items()
-}
-"""Units allowed in headers, with their SI unit and conversion factor."""
 PER = {"": "", "/s": "/s", "/s²": "/s²", "/s^2": "/s²"}  # suffixes that may follow a unit, and their SI form
+
+
+@cache
+def units() -> dict[str, tuple[str, float]]:
+    """Units allowed in headers, with their SI unit and conversion factor."""
+    rows = read_toml(Path(__file__).with_name("units.toml"))
+    return {name: (si, size) for si, sizes in rows.items() for name, size in sizes.items()}
 
 
 class CsvTable(NamedTuple):
@@ -105,7 +107,7 @@ def conversion(given: str, wanted: str) -> float | None:
 def _split(unit: str) -> tuple[str, float] | None:
     """SI unit for a given unit, and the conversion factor; None if the unit is unknown."""
     for per, written in PER.items():
-        base, size = UNITS.get(unit.removesuffix(per) if per else unit, ("", 0.0))
+        base, size = units().get(unit.removesuffix(per) if per else unit, ("", 0.0))
         if base and (not per or (unit.endswith(per) and base in {"rad", "m"})):
             return base + written, size
     return None
@@ -113,7 +115,7 @@ def _split(unit: str) -> tuple[str, float] | None:
 
 def units_like(unit: str) -> list[str]:
     """All header units that can be converted to a unit."""
-    known = [f"{base}{per}" for per in dict.fromkeys(PER.values()) for base in UNITS]
+    known = [f"{base}{per}" for per in dict.fromkeys(PER.values()) for base in units()]
     return [name for name in known if conversion(name, unit) is not None]
 
 

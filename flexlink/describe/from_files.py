@@ -179,10 +179,8 @@ def motion_from_file(motion: PrescribedMotion, link: Link) -> PrescribedMotion:
     """
     with _table(f"motion.{motion.link}", motion.file or "") as table:
         times = table.times
-        if len(times) and times[0] != 0:
-            raise DataFileError(
-                f"t starts at {float(times[0])!r} s; a motion starts at 0, so shift it", id="first-time"
-            )
+        if len(times) and (first := float(times[0])) != 0:
+            raise DataFileError(f"t starts at {first!r} s; a motion starts at 0, so shift it", id="first-time")
         columns = _angles(table, link, motion.cutoff, ())
         if motion.cutoff is None:
             for name in RATES:

@@ -1,7 +1,7 @@
 """Checks of numbers that annotations cannot express: tables over time, times that are whole numbers of steps."""
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,17 +29,17 @@ def require_positive(name: str, number: float, why: str = "") -> None:
         raise SceneError(f"{name} = {number!r}: must be > 0{why}", id="out-of-range")
 
 
-def numbers(name: str, value: ArrayLike, wanted: str = "real numbers") -> Array:
+def numbers(name: str, value: ArrayLike, wanted: Callable[[], str] = lambda: "real numbers") -> Array:
     """Return `value` as a new, contiguous float64 array."""
     try:
         array = np.array(value)
     except (TypeError, ValueError) as error:
-        raise ArgumentError(f"{name}: not an array: {error}; expected {wanted}", id="wrong-type") from None
+        raise ArgumentError(f"{name}: not an array: {error}; expected {wanted()}", id="wrong-type") from None
     if array.dtype.kind not in "fiu":
         given = f"is a {type(value).__name__}" if array.ndim == 0 else f"has dtype {array.dtype}"
         given += f"; give its {name}, .{name}" * (array.ndim == 0 and hasattr(value, name))
         beyond = " (integers must not overflow float64)" if array.dtype.kind == "O" and array.ndim else ""
-        raise ArgumentError(f"{name} {given}; expected {wanted}{beyond}", id="wrong-type")
+        raise ArgumentError(f"{name} {given}; expected {wanted()}{beyond}", id="wrong-type")
     return np.array(array, np.float64, order="C")
 
 

@@ -10,7 +10,7 @@ import pytest
 
 import flexlink as fl
 from flexlink.chain.layout import as_lines, branches_of
-from flexlink.data.csv_table import UNITS, read_csv
+from flexlink.data.csv_table import read_csv, units
 from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.scene import scene_from
 from flexlink.results.pictures.outline import outline_of
@@ -257,8 +257,8 @@ def in_si(unit: str) -> float:
     return size
 
 
-@pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize("unit", units())
 def test_the_size_of_a_unit_follows_from_its_prefixes(unit: str, tmp_path: Path) -> None:
     (tmp_path / "table.csv").write_text(f"a [{unit}]\n3\n", encoding="utf-8")
-    column = read_csv(tmp_path / "table.csv").column("a", UNITS[unit][0])
+    column = read_csv(tmp_path / "table.csv").column("a", units()[unit][0])
     assert column[0] == pytest.approx(3 * in_si(unit), rel=1e-14)
