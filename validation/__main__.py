@@ -37,7 +37,7 @@ EXAMPLES = """examples:
   python -m validation pointwise 'traj*'    cases by name, kind or glob
   python -m validation --force --no-report  measure again, keep the old report
   python -m validation other_solvers_long   a case that takes minutes: it runs only if named
-  python -m validation --full               all cases, an hour; if stopped, the next call continues
+  python -m validation --full               all cases, two hours; if stopped, the next call continues
   python -m validation --full --untimed     only its first pass, while the machine is in use
   python -m validation --stale reports/full which cases of the stored study are not of the present code
   python -m validation --same reports/full  compare stored and published numbers; measures nothing
