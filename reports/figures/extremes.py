@@ -22,6 +22,7 @@ from flexlink.pages.tables import columns_csv, table_csv
 from reports.curves import legend_above
 from reports.figures import figure
 from reports.results import Results
+from reports.tables import series_csv
 
 KNOWN = ("within", "near", "warned", "false doubt")
 REFUSED = "error"
@@ -225,6 +226,28 @@ CAPTION = (
     "Outcomes of runs by method and by step or tolerance (relative to the arm's reach). Numbers in brackets count the "
     "runs with each outcome."
 )
+
+
+@figure("extremes", "runs")
+def promised_errors(results: Results) -> Iterator[Picture]:
+    """True errors of runs with a tolerance: share of runs below an error, one curve per tolerance."""
+    for case, series in results.showing("runs"):
+        tolerances, errors = (series.columns[name].astype(float) for name in (series.x, "error / tolerance"))
+        figure, (axes,) = stacked_axes(1, 3.0)
+        colours = BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY
+        for tolerance, colour in zip(np.unique(tolerances), colours, strict=False):
+            own = np.sort(errors[tolerances == tolerance])
+            share = 100.0 * np.arange(1, len(own) + 1) / len(own)
+            axes.plot(own, share, color=colour, label=f"tolerance {number(float(tolerance))}")
+        axes.axvline(1.0, color=GREY, linestyle=":", zorder=0)
+        axes.set(xscale="log", xlim=(1e-4, 1e2), ylim=(0, 102), xlabel="error / tolerance [1]", ylabel="runs [%]")
+        tidy_logs(axes)
+        legend_over(axes, figure=figure)
+        caption = (
+            "Share of runs whose tip error is at most so many tolerances. Random arms; tolerances are relative to the "
+            "reach. The CSV has all runs, with the error that each one states."
+        )
+        yield Picture(f"{case}.runs", "Tip errors of runs with a tolerance", figure, caption, series_csv(series))
 
 
 @figure("extremes", "outcomes")

@@ -69,7 +69,7 @@ def _growth(chain: str, job: str, exponents: Exponents) -> str:
     """Growth of flexlink's and MuJoCo's CPU time: "flexlink ∝ n^1"."""
     names = (("native", "flexlink"), ("mujoco", "MuJoCo"))
     found = [(name, exponents.get((chain, job, engine))) for engine, name in names]
-    return ", ".join(f"{name} ∝ $n^{{{number(p, 3)}}}$" for name, p in found if p is not None)
+    return ", ".join(f"{name} ∝ n^{number(p, 3)}" for name, p in found if p is not None)
 
 
 SOLVERS = {"lu": "LU", "articulated": "articulated bodies"}

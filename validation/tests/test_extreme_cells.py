@@ -8,7 +8,7 @@ import pytest
 
 import flexlink as fl
 from flexlink.describe.spec import decode
-from reports.figures.extremes import extreme_runs
+from reports.figures.extremes import extreme_runs, promised_errors
 from reports.results import Results
 from validation import cell
 from validation.case import CASES, Measured, load_case
@@ -33,6 +33,19 @@ MAP = {
 
 def map_of(*plans: dict[str, object]) -> Map:
     return decode(MAP | {"plan": list(plans)}, Map)
+
+
+def test_the_figure_of_promises_shows_the_share_of_runs_up_to_an_error_for_each_tolerance(tmp_path) -> None:
+    x, y = "tolerance, of the reach", "error / tolerance"
+    columns = {x: np.array([1e-6, 1e-3, 1e-6, 1e-3]), y: np.array([3.0, 0.1, 0.5, 0.2])}
+    runs = Series("runs", "Error of every run", columns, x, x, y)
+    results = stored(tmp_path, row("promises", kind="promises"))
+    Store(results).add_series("promises", runs)
+    (picture,) = promised_errors(Results.read(results))
+    *curves, limit = picture.figure.axes[0].lines
+    assert [curve.get_label() for curve in curves] == ["tolerance 10⁻⁶", "tolerance 0.001"]
+    assert [curve.get_xydata().tolist() for curve in curves] == [[[0.5, 50], [3, 100]], [[0.1, 50], [0.2, 100]]]
+    assert set(limit.get_xdata()) == {1.0}
 
 
 def test_plans_of_pairs_combine_a_few_values_of_every_two_axes() -> None:

@@ -127,7 +127,7 @@ def test_the_report_plots_cost_against_n_and_lists_the_times(tmp_path: Path) -> 
     store.finish("speed_calls", Finished("key", datetime.datetime.now(datetime.UTC), "", None))
     results = Results.read(tmp_path)
     [picture] = speed_cost(results)
-    assert [axes.get_title(loc="left") for axes in picture.figure.axes] == ["T1: flexlink ∝ $n^{1}$"]
+    assert [axes.get_title(loc="left") for axes in picture.figure.axes] == ["T1: flexlink ∝ n^1"]
     [finding] = speed_times(results)
     assert finding.heads == ("chain", "n", "native [µs]", "mujoco [µs]")
     assert finding.lines[0] == ("T1", 10.0, pytest.approx(0.1), pytest.approx(1.0))
