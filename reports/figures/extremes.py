@@ -244,7 +244,7 @@ def promised_errors(results: Results) -> Iterator[Picture]:
         tidy_logs(axes)
         legend_over(axes, figure=figure)
         caption = (
-            "Share of runs whose tip error is at most so many tolerances. Random arms; tolerances are relative to the "
+            "Share of runs whose tip error, over the tolerance, is at most this. Random arms; tolerances are relative to the "
             "reach. The CSV has all runs, with the error that each one states."
         )
         yield Picture(f"{case}.runs", "Tip errors of runs with a tolerance", figure, caption, series_csv(series))
