@@ -244,8 +244,8 @@ def promised_errors(results: Results) -> Iterator[Picture]:
         tidy_logs(axes)
         legend_over(axes, figure=figure)
         caption = (
-            "Share of runs whose tip error, over the tolerance, is at most this. Random arms; tolerances are relative to "
-            "the reach. The CSV has all runs, with the error that each one states."
+            "Share of runs whose tip error, over the tolerance, is at most this. Random arms; tolerances are relative "
+            "to the reach. The CSV has all runs, with the error that each one states."
         )
         yield Picture(f"{case}.runs", "Tip errors of runs with a tolerance", figure, caption, series_csv(series))
 
