@@ -38,6 +38,8 @@ CALLS = {"turns": 1, "turn": 1e-4, "chain": {
 PARTS: dict[str, dict[str, Any]] = {
     "identities": {"samples": 8}, "random_arms": {"arms": 3, "samples": 2}, "planted_fits": {"arms": 1},
     "judge_trees": {"arms": 1}, "pointwise": {"samples": 8},
+    "integrators_paper_fig5": {"duration": 0.1, "steps": {"RK4": [1e-4], "RK10": [1e-4]}, "stability": ["RK10"]},
+    "rounding_growth_raised": {"engines": ["mujoco"], "duration": 20.0},
     "speed_loop": {"steps": {"RK4": 2.5e-4}}, "data_sheets": {"benchmarks": ["physics_pinned", "physics_elastica"]},
     "physics_spin_up": BEAM | {"rules": {"gauss": [4, 8, 20]}}, "physics_heavy": BEAM,
     "speed_calls": CALLS, "speed_steps": CALLS | {"longest": {"T1": 7}, "longest_steps": 2},
