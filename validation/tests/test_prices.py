@@ -9,9 +9,9 @@ import pytest
 from msgspec.structs import replace
 
 from flexlink.describe.spec import decode
-from reports.figures.trade import trade_fronts, trade_models
+from reports.figures.trade import trade_fronts, trade_models, trade_ratios
 from reports.findings.trade import trade_prices
-from reports.prices import BEYOND, OURS, Price, Run, front, prices, works
+from reports.prices import BEYOND, LOOKS, OURS, Price, Run, front, prices, works
 from reports.results import Results
 from tests.support.words import reviewed
 from validation.case import CASES, load_case
@@ -67,7 +67,8 @@ def test_a_pareto_front_contains_the_runs_not_dominated_in_error_and_time() -> N
 
 
 def test_the_cost_is_the_cheapest_run_of_flexlink_and_the_study_estimate_for_others(tmp_path: Path) -> None:
-    results = study(tmp_path)
+    others = ({"case": "crane"}, {"case": "rules", "kind": "speed_rules"}, {"quantity": "evaluations"})
+    results = study(tmp_path, *(time("MuJoCo", "Euler", 1e-4, 0.1, **other) for other in others))
     ((case, series),) = works(results)
     assert prices(results, case, series, "error", 1e-4) == {
         OURS: Price(3.0, "RK4"), "MuJoCo": Price(90.0, "Euler", BY_ORDER), "Pinocchio": Price(2.0, "Radau"),
@@ -99,6 +100,22 @@ def test_every_scene_has_two_fronts_and_all_runs_in_the_csv(tmp_path: Path) -> N
     table = list(csv.DictReader(io.StringIO(picture.csv)))
     assert len(table) == len(RUNS)
     assert [line[ON_FRONT] for line in table] == ["yes", "", "yes", "yes", "yes"]
+
+
+def test_times_relative_to_flexlink_are_drawn_and_listed_with_both_times(tmp_path: Path) -> None:
+    coarse, fine = trade_ratios(study(tmp_path))
+    heads = ("program", "its cheapest", "CPU time [ms]", "flexlink's cheapest", "CPU time of flexlink [ms]")
+    lines = {picture.name: list(csv.DictReader(io.StringIO(picture.csv))) for picture in (coarse, fine)}
+    assert [tuple(line[head] for head in heads) for line in (*lines[coarse.name], *lines[fine.name])] == [
+        ("MuJoCo", "Euler", "1.5", "Radau5", "1.0"), ("Pinocchio", "Radau", "2.0", "RK4", "3.0"),
+        ("MuJoCo", f"Euler ({BY_ORDER})", "90.0", "RK4", "3.0"),
+    ]  # fmt: skip
+    ratios = {"MuJoCo": 90 / 3, "Pinocchio": 2 / 3}
+    assert {line["program"]: float(line["ratio [1]"]) for line in lines[fine.name]} == pytest.approx(ratios)
+    (axes,) = fine.figure.axes
+    points = {look.marker: line for line in axes.lines for look in LOOKS.values() if line.get_marker() == look.marker}
+    drawn = {who: points[LOOKS[who].marker].get_xdata()[0] for who in ratios}
+    assert drawn == pytest.approx(ratios)
 
 
 CASE = load_case(CASES / "speed_models.toml")

@@ -1,6 +1,8 @@
 """reports/full, the checked-in full study: how it was made, and the report that shows it without git or a new run."""
 
+import base64
 import csv
+import gzip
 import html
 import re
 import subprocess
@@ -15,6 +17,7 @@ from flexlink.pages.picture import Picture
 from flexlink.pages.style import stacked_axes
 from reports import full, stale, stored_full
 from reports.build import build
+from reports.chapters import Section
 from tests.support.words import line, refused, reviewed, sentence
 from validation import __main__ as command
 from validation import dependencies
@@ -210,6 +213,20 @@ def test_the_readme_lists_withdrawn_limits_with_their_reasons(tmp_path: Path) ->
     reviewed("stored full: verification", verification)
     reason = "It cannot be met."
     assert f"\n\n- b, M: {reason}" in text
+
+
+def test_an_unfolded_figure_is_embedded_and_its_image_and_data_are_copied(tmp_path: Path) -> None:
+    image, data = b"\x89PNG, an image", b"t [s],x [m]\n0.0,1.0\n"
+    (tmp_path / "drawn.png").write_bytes(image)
+    (tmp_path / "drawn.csv.gz").write_bytes(gzip.compress(data))
+    figures = tuple(stored_full.StoredFigure(name, name, "") for name in ("drawn", "folded"))
+    study = stored_full.FullStudy("", "", "", (stored_full.StoredChapter("trade", figures=figures),))
+    section = Section("trade", "Trade", "", "", open=("dr*",))
+    (out := tmp_path / "page").mkdir()
+    (shown,) = stored_full.Stored(tmp_path, study).figures(section, out)
+    files = {name: (out / name).read_bytes() for name in shown.files}
+    assert files == {"drawn.png": image, "drawn.csv": data}
+    assert base64.b64encode(image).decode() in shown.svg
 
 
 def test_a_truncated_file_of_the_full_study_is_refused_in_one_line(tmp_path: Path, folder: Path) -> None:
