@@ -29,6 +29,7 @@ from reports.chapters import Number, Wanted
 from reports.curves import curves, panels_of
 from reports.drawing import pictures
 from reports.figures import figure as drawn_figures
+from reports.figures.lines import beams
 from reports.figures.trade import Word, place_words
 from reports.findings.paper import conclusion as judge
 from reports.findings.paper import evaluations
@@ -37,8 +38,20 @@ from reports.tables import checks, limit, meanings, series_csv
 from reports.verdict import Fact, numbers_that_matter
 from tests.support.words import refused, reviewed
 from validation.judgement import judged_rows
-from validation.store import Series, Store
-from validation.tests.studies import REASON, first_screen, first_screen_html, page_from, page_of, row, stored, words_of
+from validation.store import Finished, Series, Store
+from validation.tests.studies import (
+    DATE,
+    QUIET,
+    REASON,
+    first_screen,
+    first_screen_html,
+    page_from,
+    page_of,
+    row,
+    stored,
+    timed,
+    words_of,
+)
 
 ROOT = Path(__file__).parents[2]
 LOADED = re.compile(r"@import|url\((?!#)|<script|<link|<iframe|<b>q")
@@ -165,6 +178,7 @@ def test_columns_of_text_are_not_plotted() -> None:
 def test_columns_without_a_positive_value_are_not_plotted_on_a_logarithmic_scale() -> None:
     series = many_curves(1)
     series.columns["energy"][:] = 0.0
+    series.columns["momentum"][0] = 0.0
     assert len([*curves(series)]) == 2
     (curve,) = curves(dataclasses.replace(series, y_scale="log"))
     assert curve.y.tolist() == series.columns["momentum"].tolist()
@@ -235,6 +249,18 @@ def test_csv_reads_back_exactly(tmp_path: Path) -> None:
     assert read["reason"] == REASON
 
 
+@pytest.mark.parametrize(("metres", "unit"), [(1.0, "m"), (1e-3, "mm"), (1e-6, "µm"), (1e-9, "nm")])
+def test_the_distance_of_two_tips_is_drawn_in_the_unit_of_its_axis(tmp_path: Path, metres: float, unit: str) -> None:
+    columns = {"t": np.arange(2.0), "far": metres * np.array([2.0, 4.0]), "near": metres * np.array([0.5, 0.25])}
+    results = stored(tmp_path, row())
+    Store(results).add_series("terms", Series("beams", "Title", columns, "t", "t [s]", "y [m]", scene="arm"))
+    (picture,) = beams(Results.read(results))
+    (axes,) = picture.figure.axes
+    assert axes.get_ylabel().endswith(f"[{unit}]")
+    far, near = (line.get_ydata() for line in axes.lines)
+    assert [*far, *near] == pytest.approx([2.0, 4.0, 0.5, 0.25])
+
+
 def test_a_line_of_a_figures_data_has_panel_and_curve() -> None:
     columns = {"t": np.array([0.5]), "y": np.array([2.0]), "scene": np.array(["arm"]), "rule": np.array(["gauss"])}
     series = Series("sweep", "Title", columns, "t", "t [s]", "y [m]", group="rule", panel="scene")
@@ -257,6 +283,14 @@ def test_a_reason_is_listed_once_for_all_rows_and_notes_in_each_row() -> None:
     found, _ = checks(judged_rows(rows, {}))
     assert [meaning.reason for meaning in meanings(rows)] == [REASON]
     assert [line[found.heads.index("note")] for line in found.lines] == notes
+
+
+def test_failing_checks_are_listed_first_and_rows_without_a_limit_last() -> None:
+    calm = {"calls": Finished("k", DATE, "A processor", QUIET)}
+    rows = [row("b", tolerance=None), row("b"), timed(0.5), timed(2.0), row("b", value=1.0, quantity="q")]
+    found, _ = checks(judged_rows(rows, calm))
+    assert found.classes == ("FAIL", "missed", "met", "pass", "info") == tuple(line[0] for line in found.lines)
+    assert [line[1] for line in found.lines] == ["q", "public call", "public call", "M", "M"]
 
 
 def test_a_field_has_a_column_only_if_it_differs_between_rows(tmp_path: Path) -> None:
