@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from flexlink.describe.spec import decode
-from reports.findings.paper import paper_claims
+from flexlink.pages.numbers import JOIN
+from reports.findings.paper import order_conditions, paper_claims
 from reports.results import Results
 from tests.support.words import reviewed
 from validation.case import ALL, CLAIM, Measured, load_cases
@@ -135,10 +136,12 @@ def test_a_row_about_a_claim_contains_the_claim():
 def results(tmp_path):
     claims = [
         row(
-            f"paper_{k}", kind="paper_types", title=f"claim {k}", quantity="claim", note=note, tolerance=None,
+            f"paper_{k}", kind="paper_types", title=f"claim {k}", quantity=quantity, note=note, tolerance=None,
             value=float(k),
         )
-        for k, note in enumerate(("holds; more", "holds for T1", "does not hold"))
+        for k, (quantity, note) in enumerate((
+            ("claim", "holds; more"), ("claim on RK2", "holds for T1"), ("claim", "does not hold"), ("no claim", ""),
+        ))
     ]  # fmt: skip
     return stored(tmp_path / "results", *claims)
 
@@ -173,6 +176,18 @@ def test_a_passed_case_is_not_green_if_it_refutes_the_claim(tmp_path, note, word
     page = words_from(stored(tmp_path / "results", row(kind="paper_types"), *claims), tmp_path)
     state = f'<details class="case {look}"><summary><span class="state">{word}</span>'
     assert state in page
+
+
+def test_order_conditions_are_summed_up_by_the_largest_residual_met_and_the_smallest_of_the_next_order(tmp_path):
+    residuals = {"RK2": (1e-16, 0.2), "RK4": (3e-15, 0.004), "RK10": (2e-16, 0.05)}
+    rows = [
+        row("orders", value, kind="order_conditions", quantity=quantity, varied={"method": method})
+        for method, values in residuals.items()
+        for quantity, value in zip(("residual", "residual one order above"), values, strict=True)
+    ]
+    (found,) = order_conditions(Results.read(stored(tmp_path, *rows)))
+    assert found.lines == tuple((method, *values) for method, values in residuals.items())
+    assert re.findall(r"3 × 10⁻¹⁵|\b0\.\d+", found.sentences[0].replace(JOIN, " ")) == ["3 × 10⁻¹⁵", "0.004"]
 
 
 @pytest.mark.slow

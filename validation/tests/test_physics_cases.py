@@ -157,6 +157,13 @@ def test_the_choice_of_rules_is_computed_from_the_rows(tmp_path):
     assert finding.lines[0][1] == "> 100"
 
 
+def test_a_requirement_on_which_the_papers_layout_was_not_tried_does_not_count_as_missed(tmp_path):
+    untried = (row(NEEDED, 4.0, rule="gauss", need=need) for need in (FREE_JOINT, "tip"))
+    stored = (row(NOT_ENOUGH, 100.0, rule="paper", need=CLAMPED), *untried)
+    (finding,) = physics_choice(Results(stored, Environment(), Store(tmp_path)))
+    assert ["1", "3"] in [re.findall(r"\d+", text) for text in finding.sentences]
+
+
 def test_stable_steps_of_other_cases_are_not_used_as_costs_of_rules(tmp_path):
     stored = (
         row("stable step of RK4", 3e-3, rule="gauss", hinges=10),

@@ -137,6 +137,14 @@ def test_the_speed_table_has_a_column_for_the_reference_run(tmp_path: Path) -> N
     assert cells.count("–") == 1  # a quantity that the reference run lacks
 
 
+def test_a_value_of_the_reference_run_is_found_whichever_form_was_the_fastest(tmp_path: Path) -> None:
+    before = timed(0.75, engine="pinocchio, fastest", varied={"n": 10, "form": "local"})
+    folder = save(Results.read(stored(tmp_path / "quiet", row(), before, conditions=QUIET)), tmp_path / "reference")
+    now = dataclasses.replace(before, engine="mujoco", varied={"n": 10, "form": "world"}, value=0.5)
+    others = ({"varied": {"n": 20, "form": "local"}}, {"scene": "other"}, {"quantity": "M"}, {"case": "terms"})
+    assert [read(folder).value(dataclasses.replace(now, **other)) for other in ({}, *others)] == [0.75] + 4 * [None]
+
+
 @pytest.mark.parametrize(("conditions", "value", "planned"), [
     (BUSY, 1e-15, ()), (QUIET, 1e-9, ()), (QUIET, 1e-15, ("other",)),
 ])  # fmt: skip
