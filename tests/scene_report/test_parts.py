@@ -18,7 +18,7 @@ from flexlink.pages.numbers import JOIN
 from flexlink.pages.page import Part
 from flexlink.results.convergence import resolved
 from flexlink.scene_report import building
-from flexlink.scene_report.parts import loads, vibration
+from flexlink.scene_report.parts import loads, statics, vibration
 from flexlink.scene_report.parts.loads import peak_stress
 from flexlink.scene_report.report import report
 from flexlink.scene_report.study import Study
@@ -233,6 +233,21 @@ def test_an_arm_without_loads_has_no_sag_no_holding_torque_and_no_direction_down
     captions = [made("model", study).pictures[0].caption for study in (held, floating)]
     assert len(captions[0]) > len(captions[1])
     reviewed("report numbers: caption without gravity", captions[1])
+
+
+@pytest.mark.parametrize(("torques", "largest"), [((2.0, -7.0, 5.0), [1, 2]), ((-7.0, 1e-15, 0.0), [0])])
+def test_the_largest_holding_torques_are_the_largest_in_size(move: Study, torques: Array, largest: list[int]) -> None:
+    tau = np.zeros(move.chain.n)
+    tau[move.held] = torques
+    (fact,) = statics._held(move, tau)
+    assert numbers(fact.value) == [abs(torques[k]) for k in largest]
+    names = [move.chain.joint_name(k) for k in move.held]
+    assert re.findall("|".join(names), fact.label) == [names[k] for k in largest]
+
+
+@pytest.mark.parametrize(("name", "known"), [("m.csv", True), ("M.CSV", True), ("arm.urdf", False), ("csv", False)])
+def test_a_csv_file_contains_measurements_and_any_other_file_an_arm(held: Study, name: str, known: bool) -> None:
+    assert Study(held.scene, against=Path(name)).measurements is known
 
 
 class TestMove:
