@@ -170,9 +170,11 @@ def order_conditions(results: Results) -> Iterator[Table]:
 
 
 def _orders_sentence(values: dict[str, dict[str, float | None]]) -> str:
-    met = max(found.get(MET) or 0.0 for found in values.values())
-    beyond = min((found[NEXT] or 0.0 for found in values.values() if NEXT in found), default=None)
-    words = f"All order conditions of {len(values)} sets of coefficients are satisfied to {amount(met, '')}"
-    if beyond is None:
+    met, beyond = ([v for found in values.values() if (v := found.get(name)) is not None] for name in (MET, NEXT))
+    if not met:
+        return "No order condition was measured."
+    words = f"All order conditions of {len(met)} sets of coefficients are satisfied to {amount(max(met), '')}"
+    if not beyond:
         return f"{words}."
-    return f"{words}. Conditions of the next order have residuals of {amount(beyond, '')} or more: no order is higher."
+    least = amount(min(beyond), "")
+    return f"{words}. Conditions of the next order have residuals of {least} or more: no order is higher."
