@@ -432,3 +432,5 @@ def test_a_record_is_converted_back_to_its_chain(which: str) -> None:
         assert fl.mass_matrix(again, q) == pytest.approx(M, abs=1e-13 * np.abs(M).max())
         found = fl.bias_torque(again, q, qd, tip_wrench=wrench)
         assert found == pytest.approx(bias, abs=1e-11 * np.abs(bias).max())
+    # a record has axes of joints only
+    assert_array_equal(again.described["link"], np.tile(np.eye(3), (len(again.bodies), 1, 1)))
