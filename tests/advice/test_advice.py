@@ -441,6 +441,20 @@ def test_the_time_constant_of_exponential_error_growth_is_found() -> None:
     assert growth(runner, finest) == pytest.approx((np.exp(5.0), 0.2))
 
 
+def test_stable_steps_are_found_in_the_postures_of_the_scene_or_of_a_run() -> None:
+    scene = steel_bars(0.006, links=3).varied({"initial.joint_deg": (10.0, -20.0, 40.0), "initial.time": 0.5})
+    runner = ModelRunner(scene, 1.0)
+    chain = runner.chain((uniform(("z",), 2)[0], None, None))
+    for postures, time, angles, rates in (
+        ([], 0.5, np.radians([10.0, -20.0, 40.0]), [0.0, 0.0, 0.0]),
+        ([(0.7, {1: 1.0, 2: 2.0, 3: 3.0}, {1: 4.0, 2: 5.0, 3: 6.0})], 0.7, [1.0, 2.0, 3.0], [4.0, 5.0, 6.0]),
+    ):
+        runner.postures = postures
+        ((t, q, qd),) = runner.states(chain)
+        assert (t, q[chain.active].tolist(), qd[chain.active].tolist()) == (time, pytest.approx(angles), rates)
+        assert not q[chain.bending].any() and not qd[chain.bending].any()
+
+
 def test_the_rigid_link_estimate_gives_the_sag_of_a_cantilever_beam() -> None:
     """The tip of a steel rod, 1 m by 1 cm, sags by −ρ A g L⁴ / 8 E I; two hinges reproduce this sag to within a tenth.
 

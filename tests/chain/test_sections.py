@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 import flexlink as fl
 from flexlink.cli.main import main
+from flexlink.data.blade_file import read_centre_line
 from flexlink.describe.rest_shape import RestCurvature, RestTwist
 from flexlink.describe.scene import scene_from
 from tests.support.words import refused, refused_line
@@ -367,6 +368,13 @@ def test_a_blade_file_that_cannot_be_read_is_refused(
 
 
 KEYS = np.column_stack([0.1 * np.arange(4.0) ** 2, np.zeros(4), np.arange(4.0), 5 * np.arange(4.0)])
+
+
+def test_key_points_become_x_along_the_blade_y_z_and_a_twist_in_radians_of_opposite_sign(tmp_path: Path) -> None:
+    file = tmp_path / "primary.dat"
+    file.write_text(primary_file(np.array([[1.0, 2.0, 3.0, 30.0], [4.0, 5.0, 6.0, -90.0]]), 2), encoding="utf-8")
+    expected = [[3.0, 1.0, 2.0, -np.pi / 6], [6.0, 4.0, 5.0, np.pi / 2]]
+    np.testing.assert_allclose(read_centre_line(file, twisted=True), expected, rtol=1e-15)
 
 
 @pytest.mark.parametrize(

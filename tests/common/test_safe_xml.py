@@ -64,6 +64,14 @@ def test_text_and_bytes_of_every_usual_encoding_read_the_same() -> None:
             assert (root.tag, root.get("name"), [child.text for child in root]) == ("arm", "Gelenk-äö", ["1 < 2"])
 
 
+def test_white_space_before_the_declaration_is_skipped_only_without_namespaces() -> None:
+    text = '\n <?xml version="1.0"?><arm/>'
+    assert parse(text, "arm", namespaces=False).tag == "arm"
+    with pytest.raises(DataFileError) as caught:
+        parse(text, "arm")
+    assert caught.value.id == "not-xml"
+
+
 def test_a_namespace_is_part_of_a_name() -> None:
     (child,) = parse('<sdf xmlns:drake="http://drake.mit.edu"><drake:rotor_inertia/></sdf>', "arm")
     name = "{http://drake.mit.edu}rotor_inertia"

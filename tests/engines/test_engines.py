@@ -21,6 +21,7 @@ from flexlink.details import BaseState
 from flexlink.diagnosis.quantities import QUANTITIES, mixed_states
 from flexlink.dynamics import rounding
 from flexlink.engines import ENGINES, load, load_here
+from flexlink.engines.actuators import with_drive
 from flexlink.engines.read_back import of_chain, to_chain
 from flexlink.errors import ArgumentError, DivergenceError, MissingDependencyError
 from flexlink_witnesses import refuse_sampled_inputs
@@ -378,22 +379,46 @@ def test_engines_with_their_own_stepping_support_only_smooth_pd_references() -> 
 
 
 def test_a_mujoco_servo_control_is_divided_by_its_gear_ratio() -> None:
-    """A servo, kp (u − r q) r, moves its joint to q = u / r, so `gear` is 1/r; for a motor it is the gear ratio r.
+    """A servo, kp (u − r q) r − kv r² q̇, moves its joint to q = u / r, so `gear` is 1/r; for a motor it is the ratio r.
 
-    The range of controls u limits the torque of a motor, r u, and not that of a servo.
+    The range of controls u limits the torque of a motor, r u, and not that of a servo. A general actuator exerts
+    r (5 u + 7 − 11 r q − 13 r q̇), so that q = 5 u / (11 r).
     """
     from flexlink.engines import mujoco_reader  # noqa: PLC0415
 
     body = '<body><joint name="{0}"/><geom type="box" size=".1 .1 .1"/></body>'
     model = mujoco.MjModel.from_xml_string(
-        f"<mujoco><worldbody>{body.format('a')}{body.format('b')}</worldbody><actuator>"
-        '<position joint="a" kp="30" gear="4" ctrlrange="-0.1 0.1" forcerange="-5 6"/>'
-        '<motor joint="b" gear="-7" ctrlrange="0 3"/></actuator></mujoco>'
+        f"<mujoco><worldbody>{''.join(map(body.format, 'abc'))}</worldbody><actuator>"
+        '<position joint="a" kp="30" kv="3" gear="4" ctrlrange="-0.1 0.1" forcerange="-5 6"/>'
+        '<motor joint="b" gear="-7" ctrlrange="0 3"/>'
+        '<general joint="c" gear="2" gainprm="5" biastype="affine" biasprm="7 -11 -13"/></actuator></mujoco>'
     )
     fields = mujoco_reader.at_joints(model)
-    np.testing.assert_allclose(fields["gear"], [1 / 4, -7.0], rtol=1e-12)
-    np.testing.assert_allclose(fields["effort"], [[-20.0, 24.0], [-21.0, 0.0]], rtol=1e-12)
-    np.testing.assert_allclose(fields["servo_stiffness"], [16 * 30.0, 0.0], rtol=1e-12)
+    np.testing.assert_allclose(fields["gear"], [1 / 4, -7.0, 5 / 22], rtol=1e-12)
+    np.testing.assert_allclose(fields["effort"], [[-20.0, 24.0], [-21.0, 0.0], [-np.inf, np.inf]], rtol=1e-12)
+    np.testing.assert_allclose(fields["servo_stiffness"], [16 * 30.0, 0.0, 4 * 11.0], rtol=1e-12)
+    np.testing.assert_allclose(fields["servo_damping"], [16 * 3.0, 0.0, 4 * 13.0], rtol=1e-12)
+    np.testing.assert_allclose(fields["constant_torque"], [0.0, 0.0, 2 * 7.0], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("drive", "least", "most"),
+    [
+        ({"kind": "constant", "torque": (3.0,)}, 0.0, 3.0),
+        ({"kind": "constant", "torque": (-3.0,)}, -3.0, 0.0),
+        ({"kind": "table", "times": (0.0, 1.0), "torques": ((2.0,), (4.0,))}, 0.0, 4.0),
+        ({"kind": "table", "times": (0.0, 1.0), "torques": ((-2.0,), (4.0,))}, -2.0, 4.0),
+        ({"kind": "table", "times": (0.0, 1.0), "torques": ((2.0,), (4.0,)), "smooth": True}, -np.inf, np.inf),
+        ({"kind": "pd", "kp": (50.0,), "kd": (5.0,), "target_deg": (30.0,)}, -np.inf, np.inf),
+    ],
+)
+def test_the_range_of_commanded_torques_includes_zero(drive: dict[str, Any], least: float, most: float) -> None:
+    """A limit that excludes 0 changes the torque of a motor without a command; springs have no range."""
+    scene = driven(**drive)
+    chain = fl.lump(scene)
+    expected = np.zeros((chain.n, 2))
+    expected[chain.active] = least, most
+    assert_array_equal(with_drive(of_chain(chain), scene, chain).drive_range, expected)
 
 
 @pytest.mark.parametrize("which", CHAINS)
@@ -407,3 +432,5 @@ def test_a_record_is_converted_back_to_its_chain(which: str) -> None:
         assert fl.mass_matrix(again, q) == pytest.approx(M, abs=1e-13 * np.abs(M).max())
         found = fl.bias_torque(again, q, qd, tip_wrench=wrench)
         assert found == pytest.approx(bias, abs=1e-11 * np.abs(bias).max())
+    # a record has axes of joints only
+    assert_array_equal(again.described["link"], np.tile(np.eye(3), (len(again.bodies), 1, 1)))

@@ -202,6 +202,16 @@ def test_an_attribute_that_flexlink_does_not_write_is_refused(format) -> None:
 
 
 @EVERY
+@pytest.mark.parametrize("change", [lambda all: all.update(other="1"), dict.popitem], ids=["more", "less"])
+def test_an_attribute_too_many_or_too_few_in_the_last_element_is_refused(format, change) -> None:
+    root = document(format)
+    change([element for element in root.iter() if element.attrib][-1].attrib)
+    with pytest.raises(fl.errors.DataFileError) as caught:
+        format.read(text_of(root))
+    assert caught.value.id == "file-content"
+
+
+@EVERY
 def test_a_rotation_that_is_stretched_or_mirrored_is_refused(format) -> None:
     """Only the matrix is changed; roll, pitch and yaw keep the correct values."""
     root = document(format)

@@ -13,7 +13,8 @@ from flexlink.cli.main import main
 from flexlink.common.errors import SceneError
 from flexlink.describe.writing import without_defaults
 from flexlink.fits import Experiments, FitParameter, FitProblem, FitRun, Proposals, propose
-from flexlink.identification.experiments import PriorExperiment
+from flexlink.identification.candidates import sensors_on
+from flexlink.identification.experiments import ColumnExperiment, PriorExperiment
 from tests.conftest import ROOT
 from tests.support.experiments_made import followed, recorded, sagged, tapped, together
 from tests.support.fits import CLAMPED, problem, write_csv
@@ -164,6 +165,13 @@ def test_a_column_that_the_file_already_contains_is_offered_without_a_new_record
     text += '[[run]]\nname = "swing"\nfile = "a.csv"\ncompare = ["q l [rad]"]\nnoise = {"q l [rad]" = 1e-4}\n'
     (tmp_path / "problem.toml").write_text(text + first.toml, encoding="utf-8")
     assert fl.fits.check_fit(fl.fits.FitProblem.load(tmp_path / "problem.toml")).passed
+
+
+def test_names_of_sensors_have_blanks_in_place_of_brackets_and_line_breaks() -> None:
+    scene = ROD.varied({"link.l.name": "a[1]\tb"})
+    imu = ColumnExperiment(name="imu [new]", reason="cheap", sensor={"kind": "gyroscope"}, places=(0.0, 0.5), noise=0.1)
+    names = [sensor.name for sensor in sensors_on(imu, scene, [])]
+    assert names == ["imu  new  on a 1  b at 0 m", "imu  new  on a 1  b at 0.25 m"]
 
 
 def test_what_cannot_be_done_is_left_out_with_its_reason(rng: np.random.Generator) -> None:

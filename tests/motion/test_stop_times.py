@@ -1,12 +1,14 @@
 """Times at which steps must end apart from their regular grid: knots of inputs, samples, instants of a control law."""
 
 import itertools
+from typing import Any
 
 import numpy as np
 import pytest
 
 import flexlink as fl
 from flexlink.describe.schemes.methods import method
+from flexlink.motion.inputs.actuation import corners
 from flexlink.motion.inputs.drives import drive_arrays
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.inputs.tstops import breakpoints, instants, merged_breakpoints
@@ -61,6 +63,16 @@ def test_steps_end_at_the_breakpoints_of_the_feed_forward() -> None:
     law = drive_arrays(scene, fl.lump(scene))
     assert len(law.feedforward.knots) > len(law.reference.knots)
     assert {*law.feedforward.knots, *law.reference.knots} <= {*breakpoints(law, 1e-3)}
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_a_table_of_torques_has_corners_at_its_times_unless_it_is_smooth_and_alone(smooth: bool) -> None:
+    """Added to a PD drive, whose fixed reference has one knot at 0, even a smooth table has corners."""
+    table: dict[str, Any] = {"times": (0.0, 0.3, 1.0), "torques": ((0.0,), (1.0,), (0.0,)), "smooth": smooth}
+    servo: dict[str, Any] = {"kp": (1.0,), "kd": (0.1,), "target_deg": (0.0,)}
+    drives = fl.Drive(kind="table", **table), fl.Drive(kind="pd", **servo, **table)
+    found = [corners(drive_arrays(ARM.varied({"drive": drive}), fl.lump(ARM))).tolist() for drive in drives]
+    assert found == [[] if smooth else [0.0, 0.3, 1.0], [0.0, 0.0, 0.3, 1.0]]
 
 
 def test_long_steps_of_dop853_pass_samples_but_stop_at_control_instants() -> None:

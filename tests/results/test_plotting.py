@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 from matplotlib.text import Text
 
 import flexlink as fl
@@ -36,6 +37,25 @@ def test_no_legend_covers_a_curve(run: fl.Trajectory) -> None:
         legend = panel.get_legend().get_window_extent()
         assert not legend.overlaps(panel.get_window_extent())
         assert legend.xmax <= figure.bbox.xmax
+
+
+@pytest.mark.parametrize("of_figure", [False, True])
+def test_a_legend_with_short_and_long_names_is_not_wider_than_its_figure(of_figure: bool) -> None:
+    figure = Figure(figsize=(style.WIDTH, 3.0), layout="constrained")
+    panel = figure.subplots()
+    for name in ("a", "b", *("one of the longer names " + letter for letter in "cde")):
+        panel.plot([0.0], label=name)
+    style.legend_over(panel, figure=figure if of_figure else None)
+    (legend,) = figure.findobj(Legend)
+    figure.draw_without_rendering()
+    assert legend.get_window_extent().xmax <= figure.bbox.xmax
+
+
+def test_a_flat_arm_has_a_low_panel_and_a_mast_a_high_one() -> None:
+    for angle, least, most in ((0.0, 0.1, 0.3), (90.0, 1.0, 1.5)):
+        figure = make_scene(flexible("a"), initial=fl.InitialState(joint_deg=(angle,))).plot()
+        width, height = figure.get_size_inches()
+        assert least < (height - 0.75) / width < most  # 0.75 inches are for labels
 
 
 def test_every_energy_spans_a_fifth_of_its_panel(run: fl.Trajectory) -> None:

@@ -14,6 +14,7 @@ import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.common.errors import ArgumentError
 from flexlink.robots.importing import ImportResult
+from flexlink.robots.robot_file import read_robot
 from tests.support.urdf_texts import RandomRobot, link, saved, words
 from tests.support.words import line, refused, reviewed
 
@@ -138,6 +139,19 @@ def test_a_follower_on_the_path_moves_by_a_tie_as_in_pinocchio(slides: bool, tmp
     np.testing.assert_allclose(run.q[:, [0, 2]].T, truth[:2], rtol=0, atol=1e-6)
     pin.framesForwardKinematics(model, data, truth[:2, -1])
     np.testing.assert_allclose(run.tip[-1], data.oMf[model.getFrameId("hand")].translation, atol=1e-6)
+
+
+def test_positions_and_limits_of_a_follower_count_from_its_offset(tmp_path: Path) -> None:
+    """The file's limits are ±1 and its offset 0.1; its frame at 0 is that at the offset."""
+    path = fingers(tmp_path)
+    found = fl.import_urdf(path, tip=["a", "b", "c"], posture={"to_a": 0.2}).path
+    own, *others = found.parts
+    assert own.joint.limits == (-1.0, 1.0)
+    assert [found.positions[name] for name in ("to_a", "to_b", "to_c")] == pytest.approx([0.2, -0.1, 0.6])
+    for part in others:
+        place = read_robot(path).joints[part.joint.name].pose(0.1)
+        assert part.joint.limits == pytest.approx((-1.1, 0.9))
+        np.testing.assert_allclose(np.column_stack(part.origin), np.column_stack(place), atol=1e-15)
 
 
 def test_followers_on_a_fixed_base_move_with_their_leader(tmp_path: Path) -> None:

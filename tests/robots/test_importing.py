@@ -381,8 +381,12 @@ def test_a_beam_of_the_largest_mass_is_refused_since_nothing_remains(tmp_path: P
 
 
 @pytest.mark.parametrize(
-    ("lower", "upper", "stays"), [(-1.0, 3.0, 0.0), (0.0, 2.0, 0.0), (1.0, 3.0, 2.0), (-3.0, -1.0, -2.0)]
-)
+    ("lower", "upper", "stays"),
+    [
+        (-1.0, 3.0, 0.0), (0.0, 2.0, 0.0), (1.0, 3.0, 2.0), (-3.0, -1.0, -2.0),
+        (3.0, 1.0, 0.0), (-1.0, -3.0, 0.0),  # reversed limits mean no limits
+    ],
+)  # fmt: skip
 def test_an_unspecified_joint_angle_is_zero_or_the_middle_of_its_limits(lower, upper, stays) -> None:
     joint = SimpleNamespace(name="j", limits=(lower, upper), mimic=None)
     robot = SimpleNamespace(joints={"j": joint}, position=lambda joint, leaders: leaders[joint.name])

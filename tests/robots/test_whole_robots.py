@@ -283,6 +283,9 @@ def test_child_links_of_a_flexible_link_are_attached_to_the_end_of_its_beam(tmp_
     one, other = fl.lump(rigid.scene), fl.lump(bent.scene)
     q = np.zeros(other.n)
     q[other.active] = np.random.default_rng(4).uniform(-1, 1, one.n)
+    for tip in ("l2", "r1"):  # r1 follows l2 in the scene
+        place = fl.tip_position(one, q[other.active], tip=tip)
+        assert fl.tip_position(other, q, tip=tip) == pytest.approx(place, abs=1e-14)
     ours = fl.mass_matrix(other, q)[np.ix_(other.active, other.active)]
     assert ours == pytest.approx(fl.mass_matrix(one, q[other.active]), abs=1e-14)
     found = fl.modes(other, np.zeros(other.n), locked=[n for n in other.joint_names if not n.startswith("torso.")])

@@ -81,6 +81,7 @@ def test_keys_that_prevent_vectorized_runs_vary_slowest(paper: fl.Scene) -> None
         ({"run.tolerance": 1e-4}, {"run.duration": [0.1, 0.2], "link.*.segments": [3, 5]}),
         ({"run.step": 1e-4, "tip.mass": 2.0}, {"tip.center": [[0.0, 0.0, 0.1]], "engine": ["native", "mujoco"]}),
         ({"link.2.name": "boom"}, {"initial.joint_deg.boom": [-70.0, -60.0]}),
+        ({"link.upper.lumping": "midpoint"}, {"link.*.lumping": ["gauss", "legendre"]}),  # of all other links
         ({"initial.joint_deg.upper": 50.0}, {"link.upper.joint.limits_deg": [[0.0, 60.0]]}),  # valid only together
     ],
 )
