@@ -104,7 +104,7 @@ def _reads_back(scene: Scene, paths: Sequence[str]) -> bool:
 
 
 def _plant(tree: Tree, part: Any, keys: Keys, path: str) -> bool:
-    """Insert a path into the tree at its keys; return False if that fails, or if another path begins with it."""
+    """Insert a path into the tree at its keys; return False if that fails, or if another path leads there or beyond."""
     for k, given in enumerate(keys):
         key = given
         if isinstance(part, Spec):
@@ -116,7 +116,7 @@ def _plant(tree: Tree, part: Any, keys: Keys, path: str) -> bool:
         else:
             return False
         if k == len(keys) - 1:
-            planted = isinstance(tree.get(key, ""), str)
+            planted: bool = tree.get(key, path) == path
             tree[key] = path
             return planted
         tree = tree.setdefault(key, {})
