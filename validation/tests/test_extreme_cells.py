@@ -2,6 +2,8 @@
 
 import sys
 from collections.abc import Iterable
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -126,6 +128,26 @@ def test_a_promise_is_broken_silently_only_without_a_warning(monkeypatch: pytest
     number, largest, beyond, silent, needless, honest, smallest = shares.values()
     assert (number, largest, beyond, silent) == (5, 40.0, 0.6, 1)
     assert (needless, honest, smallest) == (0.2, 0.5, 0.2)
+
+
+@pytest.mark.parametrize(("travel", "doubt", "judged"), [
+    (0.11, 0.04, True), (0.09, 0.04, False), (0.11, 0.06, False), (0.11, 0.9, False),
+])  # fmt: skip
+def test_a_promise_is_judged_if_the_arm_moves_and_the_reference_is_sure_to_a_twentieth_of_the_tolerance(
+    travel: float, doubt: float, judged: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Travel of the tip in units of the arm, and uncertainty of the reference in units of the tolerance."""
+    arm, ε = moving("damped", 0), 1e-4
+    size = fl.lump(arm.scene).size
+    tip = np.array([[0.0, 0.0, 0.0], [travel * size, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    run = SimpleNamespace(
+        tip=tip + np.array([[3.0], [2.0], [0.0]]) * [0.0, ε * size, 0.0], error=np.array([6.0, 0.0, 0.0]) * ε * size,
+        steps=SimpleNamespace(method="RK4"), warnings=(),
+    )  # fmt: skip
+    monkeypatch.setattr(extremes, "_reference", lambda _: (tip, doubt * ε * size))
+    monkeypatch.setattr(fl, "simulate", lambda *_, **__: run)
+    found: list[Any] = [each[2:] for each in extremes._runs("damped", 0, (ε,))]
+    assert found == ([(ε, "RK4", pytest.approx(3.0), pytest.approx(2.0), False)] if judged else [])
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

@@ -7,6 +7,7 @@ import pytest
 from scipy.interpolate import BPoly, PPoly
 
 import flexlink as fl
+from flexlink.identification.fitted import Estimate
 from validation.case import CASES, load_case
 from validation.kinds import planted_fits as kind
 from validation.oracles import hub_beam
@@ -58,6 +59,11 @@ def test_a_chain_of_17_segments_agrees_in_all_sensors(beam: Beam, drive: Drive) 
     }
     assert max(off.pop("accelerometer [m/s²]"), off.pop("gyroscope [rad/s]")) < 1e-4, off
     assert max(off.values()) < 3e-5, off
+
+
+@pytest.mark.parametrize(("true", "off"), [(4.0, -1.0), (3.0, -0.5), (2.0, 0.0), (1.5, 0.5), (1.0, 1.0)])
+def test_a_distance_of_one_is_the_end_of_the_interval_on_that_side(true: float, off: float) -> None:
+    assert kind.distance(Estimate("E", "", start=2.0, value=2.0, low=1.0, high=4.0, deviation=0.7), true) == off
 
 
 @pytest.mark.slow

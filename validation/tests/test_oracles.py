@@ -12,9 +12,9 @@ from flexlink.dynamics.vibration.stability_function import stability_function
 from reports.findings import oracles
 from tests.support.words import refused
 from validation.kinds.drifts import modal_loss, released_modes
-from validation.oracles import exact_runge_kutta
+from validation.oracles import exact_runge_kutta, rooted_trees
 from validation.oracles.common_origin import of_state
-from validation.oracles.planar_chain import DIGITS, PlanarChain
+from validation.oracles.planar_chain import DIGITS, PlanarChain, joint_torques
 from validation.oracles.spatial_chain import SpatialChain, exactly
 
 ROOT = Path(__file__).parents[2]
@@ -31,6 +31,31 @@ def test_spatial_vectors_about_one_point_agree_with_projected_newton_euler(rng):
         qdd = judge.forward_dynamics(exactly(q), exactly(qd), exactly(tau))
         for name, exact in (("M", M.tolist()), ("T_GC", bias), ("q̈", qdd)):
             np.testing.assert_array_max_ulp(found[name], np.array(exact, dtype=float), 1)
+
+
+def test_a_body_with_inertia_but_without_mass_counts() -> None:
+    """A flywheel on a bar without mass: I θ̈ = τ."""
+    payload = fl.RigidBody(inertia=(0.1, 0.2, 0.25))
+    bar = fl.Link(name="bar", length=1.0)
+    scene = fl.Scene(name="flywheel", arm=fl.Arm(links=(bar,), tip=payload), run=fl.RunSettings(step=1e-3))
+    found = of_state(fl.lump(scene), np.array([0.5]), np.array([2.0]), np.array([3.0]))
+    assert {name: value.ravel() for name, value in found.items()} == {"M": [0.25], "T_GC": [0.0], "q̈": [3.0 / 0.25]}
+
+
+def test_springs_dampers_and_friction_of_joints_are_those_of_a_hand_calculation() -> None:
+    springs = {"stiffness": 10.0, "rest": 0.2, "damping": 3.0}
+    rubbing, smooth = {"coulomb": 2.0, "coulomb_width": 0.1}, {"coulomb": 0.0, "coulomb_width": 0.0}
+    found = joint_torques([springs | rubbing, springs | smooth], [mpf(0.5), mpf(0.2)], [mpf(-0.1), mpf(0.0)])
+    assert [float(x) for x in found] == pytest.approx([10 * 0.3 - 3 * 0.1 - 2 * np.tanh(1), 0.0])
+
+
+def test_the_embedded_method_of_order_3_of_dop853_has_the_published_weights() -> None:
+    """bhh of Hairer's code, at stages 1, 9 and 12; the others are zero."""
+    A, b = rooted_trees.embedded(method("DOP853"), 1)
+    published = np.zeros(13)
+    published[[0, 8, 11]] = 0.244094488188976377952755905512, 0.733846688281611857341361741547, 3 / 136
+    assert np.array(b, dtype=float) == pytest.approx(published, abs=1e-16)
+    assert [float(sum(row)) for row in A[-2:]] == pytest.approx([1.0, 1.0])
 
 
 @pytest.mark.parametrize("name", ["RK4", "DOP853", "Gauss4", "Radau5", "Radau9"])

@@ -52,6 +52,8 @@ class Runs:
 
     def run(self, model: Any, stepping: Stepping, *, compared: bool = False) -> Outcome:
         h = sum(bend.hinges for bend in model if bend) / len(model) or 1
+        if compared and self.cost(h, stepping) > self.budget:  # `cheapest` must not stop a run that it needs
+            return Outcome(np.full_like(PATH, np.nan), self.budget, None, stepping, "budget", over_budget=True)
         aside = self.slip * (stepping.tolerance or 1e-3 * (stepping.step or 0.0)) * np.arange(3)[:, None] / 2
         tip = PATH * (1 + h**-2 + 8 * h**-4) + aside * [1.0, 0.0, 0.0]
         return Outcome(tip, self.cost(h, stepping), None, stepping)
@@ -152,6 +154,7 @@ def test_advice_is_judged_where_its_reference_is_known_to_a_tenth_of_the_toleran
     found = {each.quantity: each.value for each in advice._summary([cell], [])}
     counts = [found[name] for name in ("cells", "cells judged", "met, but is not", "stated too little")]
     assert counts == [1, known, wrong, too_little]
+    assert found.get("stated over true error, largest") == (pytest.approx(stated / error) if known else None)
 
 
 @pytest.mark.parametrize(("error", "apart", "doubted", "outcome"), [

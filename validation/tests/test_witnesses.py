@@ -1,5 +1,7 @@
 """Drake, Exudyn and Exudyn's beams as independent references: wrong results are rejected, missing engines reported."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,7 @@ from validation.case import CASES, Measured, load_case
 from validation.kinds import KINDS, motions, witnesses
 from validation.physics import beam_references
 from validation.physics.beam_references import beam_reference, beam_scene, plane_of
+from validation.trade.first_order import FirstOrder
 
 CASE = load_case(CASES / "trajectory_witnesses.toml")
 BEAMS = load_case(CASES / "exudyn_beams.toml")
@@ -55,6 +58,20 @@ def test_the_arm_of_figure_5_is_in_the_plane_of_its_joints() -> None:
 def test_an_arm_that_bends_in_space_is_not_a_plane_of_beams() -> None:
     with refused(ArgumentError, "test-witnesses"):
         plane_of(load_scene(ROOT / "models" / "t3_spatial.toml"))
+
+
+def test_a_run_is_compared_with_the_finer_run_of_the_other_solver(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Allowed are ten tolerances and the distance of the two runs of the other solver, which is much larger here."""
+    path, aside, ε = np.arange(6.0).reshape(2, 3), np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 0.0]]), 1e-6
+
+    def by(_: object, solver: str, relative: float) -> SimpleNamespace:
+        return SimpleNamespace(tip=path + 90 * ε * (relative > 1e-6) * aside)
+
+    monkeypatch.setattr(FirstOrder, "by", by)
+    monkeypatch.setattr(motions, "simulate", lambda *_, **__: SimpleNamespace(tip=path + 20 * ε * aside))
+    witness = motions.Witness(solver="Radau", relative=(1e-5, 1e-7))
+    found = list(motions.other_solvers(CASE, {"pulse11": (witness,)}, {"RK4": ε}))
+    assert [each.value for each in found] == pytest.approx([90 * ε, 0.2, 0.0])
 
 
 def test_a_chain_farther_from_the_beams_than_both_errors_is_rejected(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,100 @@
+"""Kinds of cases report the worst state, cut or row, wherever it is, and frequencies of elastic modes only."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flexlink as fl
+from flexlink.diagnosis.quantities import random_states
+from tests.conftest import ROOT
+from validation import sweep_processes
+from validation.case import CASES, load_case, scene_file
+from validation.kinds import frequencies, identities, robots, sweeps
+from validation.physics.variant import Rule, Variant
+
+ARM = fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied({"link.*.segments": 3})
+CHAIN = fl.lump(ARM)
+OFF = 1e-3
+
+
+@pytest.mark.parametrize("of", ["force", "moment"])
+@pytest.mark.parametrize("cut", range(len(CHAIN.bodies)))
+def test_a_wrong_load_at_any_cut_disturbs_the_equilibrium(cut: int, of: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    (state,), right = random_states(CHAIN, 1), fl.strength.internal_loads
+    assert identities._equilibrium(CHAIN, state) < 1e-12
+
+    def wrong(*args: Any, **options: Any) -> Any:
+        loads = right(*args, **options)
+        found = {"force": loads.force.copy(), "moment": loads.moment.copy()}
+        found[of][cut] += OFF * np.abs(found[of]).max()
+        return SimpleNamespace(**found)
+
+    monkeypatch.setattr(fl.strength, "internal_loads", wrong)
+    assert identities._equilibrium(CHAIN, state) > OFF / 2
+
+
+class Original:
+    """A reference for `CHAIN` whose state number `wrong` is wrong by a factor."""
+
+    def __init__(self, wrong: int) -> None:
+        self.factors = {name: iter(np.where(np.arange(3) == wrong, 1 + OFF, 1.0)) for name in ("M", "T", "q̈")}
+
+    def mass_matrix(self, q: Any) -> Any:
+        return next(self.factors["M"]) * fl.mass_matrix(CHAIN, q)
+
+    def bias_torque(self, q: Any, qd: Any) -> Any:
+        return next(self.factors["T"]) * fl.bias_torque(CHAIN, q, qd)
+
+    def acceleration(self, q: Any, qd: Any, tau: Any) -> Any:
+        tau = tau + fl.friction_torque(CHAIN, qd)
+        return next(self.factors["q̈"]) * fl.forward_dynamics(CHAIN, q, qd, tau)
+
+    def sizes(self, q: Any) -> Any:
+        return np.ones(CHAIN.n)
+
+
+@pytest.mark.parametrize("wrong", range(3))
+def test_an_error_in_any_state_of_a_robot_counts(wrong: int) -> None:
+    original: Any = Original(wrong)
+    found = {each.quantity: each.value for each in robots._against_original(ARM, original, 3)}
+    for name in ("M", "T_GC", "T_GC by joints"):
+        assert found[name] == pytest.approx(OFF / (1 + OFF))
+    assert found["M by joints"] > 0 and found["q̈"] > 1e3
+
+
+def test_the_worst_state_against_the_rigid_arm_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    apart = iter([3.0, 1.0, 2.0, 4.0])  # M and T_GC of two states
+    monkeypatch.setattr(robots, "_apart", lambda *_: next(apart))
+    scene = fl.load_scene(ROOT / "models" / "robots" / "z1_flexible.toml")
+    assert [each.value for each in robots._against_rigid(scene, 2)] == [3.0, 4.0]
+
+
+def test_a_free_beam_has_the_frequencies_of_elastic_modes_only() -> None:
+    """Two panels on a hub of almost no mass are a free beam of length 2: ω = (4.7300² and 7.8532²)/4."""
+    light = {"base.mass": 1e-9, "base.inertia": [1e-9, 1e-9, 1e-9]}
+    scene = fl.load_scene(scene_file("panels")).varied(light)
+    settings = frequencies.Settings(reference="", best=Rule(rule="gauss", hinges=16), variant=(), rules={}, modes=2)
+    found = frequencies._frequencies(scene, Variant(), settings)
+    assert found == pytest.approx(np.array([4.730041, 7.853205]) ** 2 / 4, rel=1e-3)
+
+
+ROWS = [(k, "done", 0.5 * k) for k in range(4)]
+
+
+@pytest.mark.parametrize(("rows", "not_once", "different"), [
+    (ROWS, 0, 0), (ROWS[:-1], 1, 1), (ROWS[1:], 1, 4), ([*ROWS, (4, "done", 2.0)], 0, 1), ([*ROWS, ROWS[-1]], 1, 1),
+    ([(0, "done", 0.1), *ROWS[1:]], 0, 1), ([(0, "failed", 0.0), *ROWS[1:]], 0, 1),
+])  # fmt: skip
+def test_missing_surplus_and_changed_rows_of_a_killed_sweep_differ(
+    rows: list[Any], not_once: int, different: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The rows of a killed sweep, the members without exactly one row, and the rows that differ."""
+    undisturbed = SimpleNamespace(rows=ROWS)
+    monkeypatch.setattr(sweep_processes, "killed_at", lambda counts, *_: len(counts))
+    monkeypatch.setattr(sweep_processes, "rows", lambda _: rows)
+    monkeypatch.setattr(fl, "sweep", lambda *_, **__: undisturbed)
+    case = load_case(CASES / "sweep_killed.toml")
+    found = [each.value for each in sweeps.sweeps(case, case.settings["sweep"], len(ROWS), kills=3)]
+    assert found == [3, not_once, different, 0]
