@@ -114,7 +114,7 @@ def require_scene(path: Path) -> None:
 def require_writable(path: Path) -> None:
     """Check, before results are computed, that a file can be written: its folder exists and is writable."""
     if not path.parent.is_dir():
-        raise ArgumentError(f"{path}: the folder {str(path.parent)!r} does not exist", id="no-such-folder")
+        raise ArgumentError(f"{path}: there is no such folder; make it: mkdir -p {path.parent}", id="no-such-folder")
     if path.is_dir():
         raise ArgumentError(f"{path}: is a folder; name a file", id="is-a-folder")
     check_writable(path)

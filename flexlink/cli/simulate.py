@@ -96,20 +96,20 @@ def _kept_in(options: argparse.Namespace) -> str:
 
 def _summary(scene: Scene, run: Trajectory, seconds: float) -> None:
     x, y, z = run.tip[-1]
-    total = np.asarray(run.energy.total)
-    past = run.t[-1] - run.t[0]
+    total, past = np.asarray(run.energy.total), run.t[-1] - run.t[0]
     if past == 0:
         print(f"{scene.name}: run.duration = 0 s: only the initial state; specify a duration, such as --duration 1")
     else:
         took = f"{seconds:.3g} s ({past / seconds:.3g} × real time), checks included"
         print(f"{scene.name}: {past:g} s simulated in {took}")
     if run.steps is not None:
-        listed = run_cost(run.chain, run.steps.method, run.steps.evaluations)
-        cost = machine_factor(problem_of(scene, tied=True)) * listed
+        factor = machine_factor(problem_of(scene, tied=True))
+        cost = factor * run_cost(run.chain, run.steps.method, run.steps.evaluations)
         print(f"steps: {run.steps}; CPU time {1e3 * cost:.3g} ms, without set-up and checks")
     if run.stated is not None:
         print(run.stated)
-    print(f"final tip position: x = {x:.6f}, y = {y:.6f}, z = {z:.6f} m (frame 0)")
+    z_axis = ", z down" * (scene.gravity[2] > 0)
+    print(f"final tip position: x = {x:.6f}, y = {y:.6f}, z = {z:.6f} m (frame 0{z_axis})")
     print(f"energy: {total[0]:.9g} J initially, {total[-1]:.9g} J finally")
     worst, exchanged = float(np.abs(run.imbalance).max()), float(run.exchanged[-1])
     share = f", {100 * worst / exchanged:.2g} % of the {exchanged:.4g} J exchanged" if exchanged > 0 else ""

@@ -33,7 +33,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     if not text.strip():
         raise SceneError(f"{path}: empty; expected a TOML file", id="file-empty")
     if text.lstrip().startswith("<"):
-        raise SceneError(f"{path}: is XML; import it first: flexlink import {path}", id="is-xml")
+        raise SceneError(f"{path}: is XML; import it first: flexlink import {path} -o arm.toml", id="is-xml")
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: TOMLDecodeError, or an integer of 5000 digits

@@ -144,9 +144,11 @@ class Spec(
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Name the part with the attribute that this description lacks."""
-            parts = [(each.name, bare_type(each.type)) for each in fields_of(type(self)) if not name.startswith("_")]
-            has = [f"; see {part}.{name}" for part, kind in parts if is_record(kind) and hasattr(kind, name)]
+            """Name the part with the attribute, or with the key of a file, that this description lacks."""
+            named = [(each.name, bare_type(each.type)) for each in fields_of(type(self)) if name[:1] != "_"]
+            has = [f"; see {part}.{name}" for part, kind in named if is_record(kind) and hasattr(kind, name)]
+            keys = [(part, f) for part, kind in named if is_record(kind) for f in fields_of(kind)]
+            has += [f"; see {part}.{f.name}" for part, f in keys if f.encode_name == name]
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}{''.join(has[:1])}")
 
     def __repr__(self) -> str:

@@ -35,7 +35,7 @@ class Input(NamedTuple):
 
 
 def inputs_of(scene: Scene, fields: Mapping[str, Any]) -> list[Input]:
-    """The inputs that `uncertain` lists, and the clamps of beams; errors name the path. `fields`: those of scenes."""
+    """The inputs that `uncertain` lists, and the clamps of beams; errors name the path. `fields`: type of each key."""
     clamps = {scene.arm.path(k, "link") + ".root_stiffness": link for k, link in enumerate(scene.arm.links, 1)}
     found = []
     for path, u in scene.uncertain.items():

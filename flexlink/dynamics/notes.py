@@ -109,8 +109,8 @@ def _wide_strips(scene: Scene) -> Iterator[Diagnostic]:
         if b >= 10 * h and ν > 0 and soft in link.flex and path not in scene.uncertain:
             flat = 1 / math.sqrt(1 - ν**2) - 1
             clamped = min(0.8 * ν**2 * b / link.beam.length, flat)
-            left_out = f"{100 * clamped:.2g} % of frequency by its clamp, up to {100 * flat:.2g} % if bent far"
-            text = f"a plate, {b / h:.3g} times as wide as thick: a beam leaves out {left_out}"
+            higher = f"higher by {100 * clamped:.2g} % by its clamp, by up to {100 * flat:.2g} % if bent far"
+            text = f"a plate, {b / h:.3g} times as wide as thick: its true frequencies of bending are {higher}"
             text = f"{scene.arm.path(k)}.section = {link.section!r}: {text}"
             yield Diagnostic(f'{text}; set uncertain."{path}" = {flat:.2g}', "wide-strip")
 

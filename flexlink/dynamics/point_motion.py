@@ -179,13 +179,9 @@ def of_point(moving: BodyMotion, i: int, offset: Array, gravity: Array) -> tuple
     with np.errstate(over="ignore", invalid="ignore"):
         velocity = moving.velocity[i] + cross(ω, c)
         acceleration = moving.acceleration[i] + cross(α, c) + cross(ω, cross(ω, c))
-        seen, spin = (_in_axes_of(R, part) for part in (acceleration - gravity, ω))
+        felt = acceleration - gravity, ω  # in axes of the body: Rᵀ v
+        seen, spin = (R[..., 0, :] * v[..., :1] + R[..., 1, :] * v[..., 1:2] + R[..., 2, :] * v[..., 2:] for v in felt)
         return moving.points[i] + c, velocity, acceleration, seen, spin
-
-
-def _in_axes_of(R: Array, v: Array) -> Array:
-    """Rᵀ v."""
-    return np.asarray(R[..., 0, :] * v[..., :1] + R[..., 1, :] * v[..., 1:2] + R[..., 2, :] * v[..., 2:])
 
 
 # Derivatives of `point_motion`: how the motion of a point changes with angles, rates and accelerations.

@@ -114,7 +114,7 @@ def tangent(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool, fr
 
 
 def falls(chain: Chain, state: LoadedState, motion: SmallMotion | None = None) -> bool:
-    """Return `tangent(…).falls` in O(n): by signs of pivots if the loads have a potential, else by Arnoldi's method.
+    """Whether a posture is unstable, in O(n): by signs of pivots if loads have a potential, else by Arnoldi's method.
 
     `motion` is the small motion of this chain under these loads; its configuration is changed to that of the state.
     """

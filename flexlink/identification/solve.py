@@ -114,7 +114,7 @@ class Search:
         return self._coloured(Found(x, cost, blocks)) if self.coloured else Found(x, cost, blocks)
 
     def grown(self, x: Array, most: int = 30) -> Array:
-        """Result of rough searches for single measurements, then for growing parts of the runs as well."""
+        """Coordinates x after rough searches: of responses' magnitudes, single measurements, and parts of runs."""
         windows = 0.0, 0.15, 0.4  # the cost of a long run has false minima a period apart
         sources = self.signals.sources
         single, rough = [one for one in sources if not one.is_run], [one.rough for one in sources if one.rough]

@@ -37,8 +37,7 @@ def simulate_many(scenes: Sequence[Scene], *, threads: int = 1) -> list[Trajecto
 
     Similar scenes differ only in initial state, dimensions, materials and gravity. They have the same layout of bodies
     and hinges, the same drive, also sampled or with a model of each arm, the same motion, wrench (constant in frame 0)
-    and run settings, and dynamics "articulated". All other scenes run one by one. Results and checks are the same
-    as for single runs.
+    and run settings, and `run.solver` "articulated". Others run one by one. Results and checks are as for single runs.
 
     Parameters
     ----------

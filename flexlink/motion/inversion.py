@@ -328,7 +328,9 @@ def _divided(link: Link) -> Link:
 
 def joint_scene(scene: Scene, chain: Chain, found: Feedforward, *, straight: bool) -> Scene:
     """The scene with the same move of its joints by PD, without input shaper; gravity is compensated if it acts."""
-    q, changes = found.path.postures, dict[str, object]()
+    q, spacing = found.path.postures, scene.run.spacing
+    samples = math.ceil((found.move.start + found.move.duration) / spacing - 1e-9)  # up to the end of the move
+    changes = dict[str, object]({"run.duration": max(scene.run.duration, float(f"{samples * spacing:.12g}"))})
     if straight:
         ends = by_unit(scene, chain, "to_deg", q[-1:, chain.active])
         changes["drive.reference"] = Reference(

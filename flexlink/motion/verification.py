@@ -101,10 +101,10 @@ def _switches(monitor: Monitor) -> bool:
 
 
 def coarser_run(monitor: Monitor) -> RunSettings | None:
-    """Settings of a run of ten times the tolerance, whose distance shows the error; None if it may have the same error.
+    """Settings of a run of ten times the tolerance, whose distance shows the error; None if both may be wrong alike.
 
-    It may have it if an earlier run handed it on, if stability, or instants of a law or table limit the steps, or if
-    vibrations last that the method damps: a falling arm had 4 to 6 mm with any tolerance from 10 to 1 mm.
+    They may if the run continues another one, if stability, sampling or a table limits the steps, or if vibrations last
+    that the method damps: a falling arm had 4 to 6 mm with any tolerance from 10 to 1 mm.
     """
     run, record, drive = monitor.run, monitor.record, monitor.record.inputs.drive
     steps_alike = monitor.before is not None or method(monitor.steps.method).explicit or drive.rate

@@ -76,7 +76,7 @@ def inline(svg: str, title: str, definitions: dict[str, str]) -> str:
     """Return the `svg` element in the page's colours; shared definitions are added to `definitions`.
 
     matplotlib names letters, markers and clip paths by their content, so equal names have equal definitions in all
-    figures, and the page contains each only once. Coordinates are rounded to 0.1 pt, which is invisible.
+    figures, and the page contains each only once. Coordinates are cut to 0.1 pt, which is invisible.
     """
     svg = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", svg[svg.index("<svg") :], flags=re.DOTALL)
     svg = svg.replace("xlink:href", "href").replace("DejaVuSans", "D")
@@ -94,7 +94,7 @@ def inline(svg: str, title: str, definitions: dict[str, str]) -> str:
 
 
 def _short(numbers: str) -> str:
-    """Round coordinates to 0.1 pt, and omit the letters of repeated line commands."""
+    """Cut coordinates to 0.1 pt, and omit the letters of repeated line commands."""
     tenths = re.sub(r"(\.\d)\d+", r"\1", numbers)
     return tenths.strip() if re.search("[CQ]", tenths) else re.sub(r"\s*L ", " ", tenths).strip()
 

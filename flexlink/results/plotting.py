@@ -104,7 +104,7 @@ def _chosen(run: Trajectory, what: str | Sequence[str] | None) -> list[Draw]:
     names = usual if what is None else [what] if isinstance(what, str) else sequence("what", what, "str")
     columns = run.columns
     own = {n: [partial(_lines, run=run, names=[n], values=columns[n][:, None])] for n in names if n in columns}
-    return [draw for n in names for draw in own.get(n) or require_one_of("what", n, there)]
+    return [draw for n in names for draw in own.get(n) or require_one_of("what", n, there, "no panel, no column")]
 
 
 COORDINATES = {

@@ -315,6 +315,7 @@ VARIANTS: dict[str, list[dict[str, Any]]] = {
     "arrays": [{"gravity": np.array([0.0, 0.0, g]), "tip.mass": np.float64(g)} for g in (1.0, np.inf)],
     "components": [{"gravity.x": g, "tip.center.z": 0.1, "link.fore.mount.xyz.y": g} for g in (1.0, "x", np.nan)],
     "segments": [{"link.*.lumping": rule, "link.*.segments": n} for rule in ("gauss", "paper") for n in (3, 4, 1)],
+    "one and all": [{"link.upper.segments": n, "link.*.segments": m} for n in (9, 4) for m in (3, 5)],
     "segments alone": [{"link.upper.segments": n, "link.fore.length": 1.5} for n in (5, 4)],
     "words": [{"run.method": name, "tip.mass": m} for name in ("RK10", "RK4", "no") for m in (0.0, 1.0)],
     "tolerance": [{"run.tolerance": 1e-4, "tip.mass": 1.0}, {"run.tolerance": -1.0, "tip.mass": 1.0}],

@@ -92,8 +92,8 @@ def of_joints(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
         for key, row in torques if moved > 0 else ():
             yield from hint_if_outside(arm.path(k + 1, key), row[k], kind.load, abs(row[k]) / usual)
     if drive.kind in {"computed_torque", "cascade"} and drive.kp:
-        bandwidth = max(drive.kp) if drive.kind == "cascade" else math.sqrt(max(drive.kp))
-        yield from hint_if_outside("drive.kp", drive.kp, "bandwidth", bandwidth, detail=f" {bandwidth:.3g} rad/s")
+        most, name = (max(drive.kp), "position_") if drive.kind == "cascade" else (math.sqrt(max(drive.kp)), "")
+        yield from hint_if_outside("drive.kp", drive.kp, f"{name}bandwidth", most, detail=f" {most:.3g} rad/s")
 
 
 def of_loads(scene: Scene, about: Situation) -> Iterator[Diagnostic]:

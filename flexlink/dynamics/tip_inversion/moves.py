@@ -89,7 +89,8 @@ def _straight(scene: Scene, chain: Chain, to: Array, duration: float, wrench: Ar
         else:
             line = f"{100 * before:.0f} % of the straight line from {start.round(4).tolist()} m"
             why = f"{plural(len(angles), 'driven joint')} cannot move the tip beyond {line}"
-            text = f"to = {to.tolist()} m: {why}; choose a point in reach{millimetres}"
+            reach = f" of {chain.reach:.3g} m" if np.linalg.norm(to) > chain.reach else ""
+            text = f"to = {to.tolist()} m: {why}; choose a point in reach{reach}{millimetres}"
             raise ArgumentError(text, id="tip-out-of-reach")
         found.append(posture[chain.active])
     from scipy.interpolate import CubicSpline  # noqa: PLC0415  slow to import: 0.1 s

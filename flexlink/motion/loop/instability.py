@@ -57,7 +57,7 @@ def _of_gain(loop: Loop, *names: str) -> str:
 
 
 def _of_armature(loop: Loop) -> str:
-    """Motor inertia of all driven joints, without which a light segment of a link is all that a sampled rate turns."""
+    """Least inertia of motors, of ½ … 8 times k_d T, that makes the loop stable; "" if none, or if units differ."""
     links = loop.scene.arm.links
     driven = [links[loop.plant.chain.coordinates[k].link - 1].joint for k in loop.plant.chain.active[loop.plant.moving]]
     units = {name.partition("[")[2].removesuffix("]") for name in loop.inputs}
@@ -65,9 +65,9 @@ def _of_armature(loop: Loop) -> str:
         return ""
     unit = {"N": "kg", "N m": "kg m²"}[units.pop()]
     rates = loop.law.K[:, loop.plant.chain.n + loop.plant.chain.active[loop.plant.moving]]
-    least = -float(np.diag(rates).min()) * (1.0 / loop.rate + loop.delay)
+    scale = -float(np.diag(rates).min()) * (1.0 / loop.rate + loop.delay)
     for factor in (0.5, 1.0, 2.0, 4.0, 8.0):
-        value = _rounded(factor * least)
+        value = _rounded(factor * scale)
         larger = value > max(joint.armature for joint in driven)
         if larger and loop.varied("link.*.joint.armature", value).growth <= STABLE:
             return f"link.*.joint.armature = {value:.2g} {unit}"
