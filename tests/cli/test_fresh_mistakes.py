@@ -349,9 +349,10 @@ def test_the_text_of_a_scene_is_no_path() -> None:
         fl.load_scene('name = "arm"\n[[link]]\nlength = 1.0\n' * 20)
 
 
-def test_an_attribute_of_a_part_is_named_there() -> None:
+@pytest.mark.parametrize("name", ["links", "link"])
+def test_an_attribute_of_a_part_is_named_there_also_by_its_key_in_a_file(name: str) -> None:
     with pytest.raises(AttributeError, match=r"arm\.links$"):
-        _ = SCENE.links  # type: ignore[attr-defined]
+        getattr(SCENE, name)
     assert not hasattr(SCENE, "__array__")
 
 

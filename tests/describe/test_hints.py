@@ -98,6 +98,8 @@ PLANTED: list[tuple[dict[str, Any], str, str]] = [
     ({"drive": {**PD, "target_deg": [30.0, 60.0], "rate": 0.01}}, "drive.rate", "s"),
     ({"drive": {"kind": "computed_torque", "kp": [4e5, 2e5], "kd": [4e4, 1e4], "target_deg": [30.0, 60.0]}},
      "drive.kp", "1/s²"),
+    ({"drive": {"kind": "cascade", "kp": [4e5, 2e5], "kd": [4e4, 1e4], "target_deg": [30.0, 60.0], "rate": 1e3}},
+     "drive.kp", "1/s"),
     ({"drive.torque": [9e6, 0.0]}, "drive.torque.boom", "N mm"),
     ({"wrench.times": [0.0, 500.0, 1000.0]}, "wrench.times[2]", "ms"),
     ({"run.tolerance": 1.0}, "run.tolerance", "mm"),

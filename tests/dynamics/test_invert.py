@@ -104,6 +104,11 @@ def test_the_torques_move_the_tip_of_a_large_continuous_beam_without_feedback() 
     assert beside.settles > found.settles
 
 
+def test_beside_the_inversion_the_joints_move_to_the_end_even_if_the_run_is_shorter() -> None:
+    beside = fl.invert(two_links(**{"run.duration": 0.1})).shaped("ZV")
+    assert beside.run.t[-1] == 1.0 and np.isfinite(beside.lag)
+
+
 @pytest.fixture(scope="module")
 def raised() -> Inversion:
     return fl.invert(two_links())
