@@ -66,6 +66,9 @@ def test_every_case_has_exact_values_and_a_source_and_a_reason(benchmark: Benchm
         assert values.shape == case.shape
         assert np.isfinite(values).all()
         assert error_of(case, values, values) == 0.0
+        if case.ask == "motion":  # the largest at any time: here at the first one, 5 m away
+            values[0] += [3.0, 4.0, 0.0][: values.shape[1]]
+            assert error_of(case, values, reference.values(case)) == pytest.approx(5.0, rel=1e-12)
 
 
 @pytest.mark.parametrize("name", [name for name, each in BENCHMARKS.items() if each.ask == "motion"])

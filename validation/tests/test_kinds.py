@@ -10,8 +10,9 @@ import flexlink as fl
 from flexlink.diagnosis.quantities import random_states
 from tests.conftest import ROOT
 from validation import sweep_processes
-from validation.case import CASES, load_case, scene_file
-from validation.kinds import frequencies, identities, robots, sweeps
+from validation.case import CASES, Measured, load_case, scene_file
+from validation.formulations.ladder import ADVISE, Rung
+from validation.kinds import formulations, frequencies, identities, orders, robots, sweeps, witnesses
 from validation.physics.variant import Rule, Variant
 
 ARM = fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied({"link.*.segments": 3})
@@ -98,3 +99,27 @@ def test_missing_surplus_and_changed_rows_of_a_killed_sweep_differ(
     case = load_case(CASES / "sweep_killed.toml")
     found = [each.value for each in sweeps.sweeps(case, case.settings["sweep"], len(ROWS), kills=3)]
     assert found == [3, not_once, different, 0]
+
+
+def test_a_method_with_too_low_a_slope_is_below_its_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Errors 1/N of a method of order 4: slope 1."""
+    monkeypatch.setattr(orders, "_float64", lambda scene, method, duration, steps: [1 / steps if steps < 1e6 else 0.0])
+    case = load_case(CASES / "convergence_float64.toml")
+    reference = orders.Reference(method="RK10", steps=10**6)
+    found = orders.convergence(case, 2, 1.0, "float64", reference, {"RK4": (10, 20, 40)})
+    values = {each.quantity: each.value for each in found if isinstance(each, Measured)}
+    assert values == pytest.approx({"slope": 1.0, "|slope − order|": 3.0, "order − slope": 3.0}, rel=1e-9)
+
+
+def test_the_front_has_no_runs_that_advise_picks_and_no_formulation_beyond_the_error() -> None:
+    rungs = {"chain": (1e-3, 2.0), "beam": (1e-1, 1.0), ADVISE: (1e-4, 0.5)}
+    climbed = [formulations.Climbed(name, "", [Rung({}, *each, 1)]) for name, each in rungs.items()]
+    assert formulations._costs(climbed, 1e-2) == {"chain": Rung({}, 1e-3, 2.0, 1)}
+
+
+def test_angles_and_rates_of_another_program_are_compared_separately(monkeypatch: pytest.MonkeyPatch) -> None:
+    ends = {"native": np.zeros((2, 2, 3)), "other": np.array([[[0, 1, 0], [0, 0, 0]], [[0, 0, 0], [7, 0, -2]]])}
+    stub = {name: SimpleNamespace(integrate=lambda _, at=at: (None, *at)) for name, at in ends.items()}
+    monkeypatch.setattr(witnesses.engines, "load", lambda name, chain: stub[name])
+    scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml")
+    assert [each.value for each in witnesses._motion(scene, "other")] == [1.0, 7.0]
