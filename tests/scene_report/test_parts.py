@@ -5,6 +5,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,9 @@ from flexlink.pages.numbers import JOIN
 from flexlink.pages.page import Part
 from flexlink.results.convergence import resolved
 from flexlink.scene_report import building
-from flexlink.scene_report.parts import loads, statics, vibration
+from flexlink.scene_report.parts import loads, measurements, statics, vibration
 from flexlink.scene_report.parts.loads import peak_stress
+from flexlink.scene_report.refinement import Refinement
 from flexlink.scene_report.report import report
 from flexlink.scene_report.study import Study
 from tests.conftest import ROOT, flexible, make_scene
@@ -585,3 +587,25 @@ class TestUncertainty:
         part = made("uncertainty", Study(rigid, uncertain=True))
         assert not part.tables
         reviewed("report: no uncertain input", " ".join(part.sentences))
+
+
+def test_a_run_is_accurate_until_its_two_finest_discretisations_differ() -> None:
+    """The coarsest differs at once, the two finest from 2 s on."""
+    tips = [np.array([[x, 0.0, 0.0] for x in row]) for row in ([9, 9, 9, 9], [0, 0, 0, 0.5], [0, 0, 0.2, 0.5])]
+    cuts = {k: SimpleNamespace(tip=tip) for k, tip in enumerate(tips)}
+    of: Any = SimpleNamespace(run=SimpleNamespace(t=np.arange(4.0)), cuts=cuts, study=SimpleNamespace(travel=1.0))
+    assert [Refinement.accurate_until(of, part) for part in (0.1, 0.3)] == [2.0, 3.0]
+
+
+@pytest.mark.parametrize(("remaining", "rivals"), [(0.5, 0), (0.15, 1)])
+def test_a_cause_is_uncertain_only_if_another_parameter_leaves_less_than_twice_the_difference(
+    remaining: float, rivals: int
+) -> None:
+    number = {"what": "stiffness", "value": 2.0, "sign": "", "is_angle": False}
+    fits: Any = [
+        SimpleNamespace(number=SimpleNamespace(**number | {"what": what}), value=2.2, spread=0.1, remaining=left)
+        for what, left in (("stiffness", 0.1), ("length", remaining))
+    ]
+    sentences = measurements._about_fits(fits, fits[0])
+    assert sum("stiffness" in each for each in sentences) == 1
+    assert sum(measurements._change(fits[1]) in each for each in sentences) == 1 + rivals  # both changes are +10 %

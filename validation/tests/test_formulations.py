@@ -1,5 +1,6 @@
 """The case `formulations`: the best of each ladder is chosen, missing programs are named, other motions are found."""
 
+import itertools
 import math
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pytest
 from msgspec.structs import replace
 
 from flexlink.common.errors import ArgumentError, FlexlinkError
+from reports import formulations as columns
 from reports.figures import trade as figure
 from reports.findings import trade as finding
 from reports.results import Results
@@ -248,3 +250,12 @@ def test_the_picture_shows_time_and_coordinates_of_the_best_runs(tmp_path: Path)
     assert lines[0]["chain, gauss"] == [1e-3], "the run with both a larger error and a longer time is not on the line"
     assert lines[1]["PyElastica"] == [60]
     assert len(picture.csv.splitlines()) == 4
+
+
+def test_a_value_is_that_of_its_quantity_formulation_and_error() -> None:
+    rows = [
+        row("scene", value, quantity=quantity, varied={"formulation": name, "relative error": error})
+        for value, (quantity, name, error) in enumerate(itertools.product("CT", ("chain", "beam"), (1e-2, 1e-3)))
+    ]
+    assert [columns.value(rows, q, n, e) for q in "CT" for n in ("chain", "beam") for e in (1e-2, 1e-3)] == [*range(8)]
+    assert columns.value(rows, "C", "chain", 1e-4) is None
