@@ -373,7 +373,7 @@ def test_numbers_of_a_blade_file_may_have_any_letter_for_the_exponent(tmp_path: 
     file = tmp_path / "blade.dat"
     text = blade_file(25 * np.eye(6), CENTRED, mu=f"1.0{letter}-03, " * 6)
     file.write_text(re.sub(r"(?<=\d)D(?=[+-])", letter, text), encoding="utf-8")
-    x, K, M, loss = read_blade(file)
+    x, K, M, loss = read_blade(file) or pytest.fail()
     assert (x.tolist(), loss) == ([0, 1], [1e-3] * 6)
     np.testing.assert_array_equal([K, M], [[25 * np.eye(6)] * 2, [CENTRED] * 2])
 

@@ -247,13 +247,13 @@ def test_references_of_the_description_are_to_the_variables_that_are_meant(fmi: 
     chain = fl.lump(scene := make_scene(flexible("a", "z", 2)))
     archive = zipfile.ZipFile(io.BytesIO(fl.to_fmu(chain, fl.initial_state(scene, chain), fmi=fmi, binary=False)))
     root = ET.fromstring(archive.read("modelDescription.xml"))
-    listed = [*root.find("ModelVariables")]
-    names = {str(k): each.get("name") for k, each in enumerate(listed, 3 - fmi)}
-    rates = {each.get("name"): (each if fmi == 3 else each[0]).get("derivative") for each in listed}
+    listed = root.findall("ModelVariables/*")
+    names = {str(k): each.attrib["name"] for k, each in enumerate(listed, 3 - fmi)}
+    rates = {each.attrib["name"]: (each if fmi == 3 else each[0]).get("derivative") for each in listed}
     states = {name: names[state] for name, state in rates.items() if state}
     assert len(states) == 2 * chain.n and all(rate == f"der({state})" for rate, state in states.items())
     kind, of = ("Derivatives/Unknown", "index") if fmi == 2 else ("ContinuousStateDerivative", "valueReference")
-    found = {names[each.get(of)]: each.get("dependencies") for each in root.findall(f"ModelStructure/{kind}")}
+    found = {names[each.attrib[of]]: each.attrib["dependencies"] for each in root.findall(f"ModelStructure/{kind}")}
     assert [*found] == [*states]
     for q in [*states.values()][: chain.n]:
         assert names[found[f"der({q})"]] == q.replace("q.", "qd.", 1)

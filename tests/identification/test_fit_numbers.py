@@ -452,7 +452,7 @@ class TestTimes:
         assert recorded(PROBLEM, run).rate == pytest.approx(100.0)
 
     @pytest.mark.parametrize(("start", "late"), [("first sample", 0.0), (6.75, 0.25)])
-    def test_a_record_with_a_start_begins_with_the_scene(self, start: str | float, late: float) -> None:
+    def test_a_record_with_a_start_begins_with_the_scene(self, start: Any, late: float) -> None:
         t, later = np.linspace(0.0, 1.0, 65), replace(PROBLEM, scene=SCENE.varied({"initial.time": 2.0}))
         run = fl.fits.FitRun(name="film", columns={"t [s]": tuple(7.0 + t), FILM: tuple(np.sin(t))}, start=start)
         assert recorded(later, run).blocks[0].t == pytest.approx(2.0 + late + t, abs=1e-12)
