@@ -1,5 +1,6 @@
 """Beam sections with stiffness and mass 6 × 6: rods by shooting, Ritz frequencies, published beams, blade files."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 import flexlink as fl
 from flexlink.cli.main import main
-from flexlink.data.blade_file import read_centre_line
+from flexlink.data.blade_file import read_blade, read_centre_line
 from flexlink.describe.rest_shape import RestCurvature, RestTwist
 from flexlink.describe.scene import scene_from
 from tests.support.words import refused, refused_line
@@ -365,6 +366,16 @@ def test_a_blade_file_that_cannot_be_read_is_refused(
     assert part in str(caught.value)
     if id == "unequal-loss-times":
         assert fl.Rigidity(file=str(file), loss_time=3e-3).loss_time == 3e-3
+
+
+@pytest.mark.parametrize("letter", ["d", "E", "e"])
+def test_numbers_of_a_blade_file_may_have_any_letter_for_the_exponent(tmp_path: Path, letter: str) -> None:
+    file = tmp_path / "blade.dat"
+    text = blade_file(25 * np.eye(6), CENTRED, mu=f"1.0{letter}-03, " * 6)
+    file.write_text(re.sub(r"(?<=\d)D(?=[+-])", letter, text), encoding="utf-8")
+    x, K, M, loss = read_blade(file) or pytest.fail()
+    assert (x.tolist(), loss) == ([0, 1], [1e-3] * 6)
+    np.testing.assert_array_equal([K, M], [[25 * np.eye(6)] * 2, [CENTRED] * 2])
 
 
 KEYS = np.column_stack([0.1 * np.arange(4.0) ** 2, np.zeros(4), np.arange(4.0), 5 * np.arange(4.0)])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flexlink as fl
-from flexlink.data.csv_table import Measured, read_measured
+from flexlink.data.csv_table import Measured, read_csv, read_measured
 from flexlink.scene_report.fitting import Comparison, numbers_of
 from tests.conftest import ROOT
 from tests.support.words import refused, reviewed
@@ -63,6 +63,13 @@ class TestReading:
         for text in REFUSED[id]:
             with refused(fl.errors.DataFileError, id):
                 self.read(tmp_path, text)
+
+    @pytest.mark.parametrize("row", ["1,", "1,x", "1", "0,1"])  # empty, no number, too few cells, not later
+    def test_the_line_of_a_mistake_is_counted_with_blank_lines(self, tmp_path: Path, row: str) -> None:
+        path = tmp_path / "measured.csv"
+        path.write_text(f"t [s],a [m]\n\n0,1\n\n{row}\n2,2\n", encoding="utf-8")
+        with pytest.raises(fl.errors.DataFileError, match=r"\bline 5\b"):
+            (table := read_csv(path)).column("a", "m"), table.times
 
 
 @pytest.mark.slow

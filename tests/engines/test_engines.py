@@ -1,5 +1,6 @@
 """Other engines compute from exported files the same as flexlink; engines that are not installed are skipped."""
 
+import dataclasses
 import importlib.util
 import itertools
 import re
@@ -20,9 +21,9 @@ from flexlink.describe.run_settings import steps_explicitly
 from flexlink.details import BaseState
 from flexlink.diagnosis.quantities import QUANTITIES, mixed_states
 from flexlink.dynamics import rounding
-from flexlink.engines import ENGINES, load, load_here
-from flexlink.engines.actuators import with_drive
-from flexlink.engines.read_back import of_chain, to_chain
+from flexlink.engines import ENGINES, load, load_here, mujoco_reader
+from flexlink.engines.actuators import not_compared, with_drive
+from flexlink.engines.read_back import ReadBack, of_chain, to_chain
 from flexlink.errors import ArgumentError, DivergenceError, MissingDependencyError
 from flexlink_witnesses import refuse_sampled_inputs
 from tests.chain.test_cells import arm as cells
@@ -384,8 +385,6 @@ def test_a_mujoco_servo_control_is_divided_by_its_gear_ratio() -> None:
     The range of controls u limits the torque of a motor, r u, and not that of a servo. A general actuator exerts
     r (5 u + 7 − 11 r q − 13 r q̇), so that q = 5 u / (11 r).
     """
-    from flexlink.engines import mujoco_reader  # noqa: PLC0415
-
     body = '<body><joint name="{0}"/><geom type="box" size=".1 .1 .1"/></body>'
     model = mujoco.MjModel.from_xml_string(
         f"<mujoco><worldbody>{''.join(map(body.format, 'abc'))}</worldbody><actuator>"
@@ -419,6 +418,36 @@ def test_the_range_of_commanded_torques_includes_zero(drive: dict[str, Any], lea
     expected = np.zeros((chain.n, 2))
     expected[chain.active] = least, most
     assert_array_equal(with_drive(of_chain(chain), scene, chain).drive_range, expected)
+
+
+def three(order: list[int], bodies: list[int] | None = None) -> tuple[ReadBack, ReadBack]:
+    """Records of three rigid links a, b and c, and of the same with its joints in another order."""
+    bodies_of = {name: fl.RigidBody(mass=1.0, inertia=(size,) * 3) for size, name in enumerate("abc", 1)}
+    links = (fl.Link(name=name, hub=body) for name, body in bodies_of.items())
+    ours = with_drive(read := of_chain(chain := fl.lump(make_scene(*links))), None, chain)
+    return ours, read.in_order(np.array(order), None if bodies is None else np.array(bodies))
+
+
+@pytest.mark.parametrize("bodies", [None, [2, 0, 1]])
+def test_single_bodies_follow_what_they_are_merged_to_into_another_order(bodies: list[int] | None) -> None:
+    """Each joint moves a single body, and the order is not its own inverse."""
+    _, moved = three([1, 2, 0], bodies)
+    assert_array_equal(moved.inertias[moved.parts.owner], moved.parts.inertias)
+    assert (moved.names, moved.parents.tolist()) == (("b", "c", "a"), [2, 0, -1])
+
+
+def test_actuators_that_are_not_compared_are_listed_with_the_numbers_of_their_joint() -> None:
+    ours, read = three([1, 2, 0])
+    read = dataclasses.replace(read, gear=np.array([20.0, 30.0, 10.0]), effort=np.outer([2.0, 3.0, 1.0], [-1, 1]))
+    found = re.findall(r"'(\w)' \((?:gear |±)(\d+)", not_compared(ours, read, np.array([2, 0, 1])))
+    assert found == [("a", "10"), ("b", "20"), ("c", "30"), ("a", "1"), ("b", "2"), ("c", "3")]
+
+
+def test_joints_of_mujoco_with_a_limit_at_either_end_count_as_limited() -> None:
+    body, ends = '<body><joint range="{0}"/><geom size="1"/></body>', ("-1 1", "-1e9 1", "-1 1e9", "-1e9 1e9", "0 0")
+    bodies = "".join(map(body.format, ends))
+    text = f'<mujoco><compiler angle="radian"/><worldbody>{bodies}</worldbody></mujoco>'
+    assert mujoco_reader.read(mujoco.MjModel.from_xml_string(text)).settings["limits"] == "3 joints"
 
 
 @pytest.mark.parametrize("which", CHAINS)

@@ -8,6 +8,7 @@ import subprocess
 import zipfile
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from flexlink.dynamics.free_motion import all_motions
 from flexlink.errors import ArgumentError, MissingDependencyError
 from flexlink.formats.code.fmu import _base_of, _split
 from flexlink.formats.code.model import implicit_of, model_of, name_of
+from flexlink.formats.code.sensors import signals_of
 from tests.campaigns.random_code import state
 from tests.conftest import ROOT, flexible, make_scene
 from tests.dynamics.test_strain_modes import with_modes
@@ -239,6 +241,24 @@ def test_sources_compile_without_warnings_and_their_token_is_theirs(fmi: int, tm
     assert token not in zipfile.ZipFile(io.BytesIO(moved)).read("modelDescription.xml").decode()
 
 
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_references_of_the_description_are_to_the_variables_that_are_meant(fmi: int) -> None:
+    """FMI 2.0 counts from 1; the rate of an angle depends on its speed alone."""
+    chain = fl.lump(scene := make_scene(flexible("a", "z", 2)))
+    archive = zipfile.ZipFile(io.BytesIO(fl.to_fmu(chain, fl.initial_state(scene, chain), fmi=fmi, binary=False)))
+    root = ET.fromstring(archive.read("modelDescription.xml"))
+    listed = root.findall("ModelVariables/*")
+    names = {str(k): each.attrib["name"] for k, each in enumerate(listed, 3 - fmi)}
+    rates = {each.attrib["name"]: (each if fmi == 3 else each[0]).get("derivative") for each in listed}
+    states = {name: names[state] for name, state in rates.items() if state}
+    assert len(states) == 2 * chain.n and all(rate == f"der({state})" for rate, state in states.items())
+    kind, of = ("Derivatives/Unknown", "index") if fmi == 2 else ("ContinuousStateDerivative", "valueReference")
+    found = {names[each.attrib[of]]: each.attrib["dependencies"] for each in root.findall(f"ModelStructure/{kind}")}
+    assert [*found] == [*states]
+    for q in [*states.values()][: chain.n]:
+        assert names[found[f"der({q})"]] == q.replace("q.", "qd.", 1)
+
+
 def test_names_and_units() -> None:
     assert _split(["q b b.1.z [rad]", "tau a [N m]"]) == [("q.b_b.1.z", "rad"), ("tau.a", "N.m")]
     twins = ["q left panel [rad]", "q left_panel [rad]"]
@@ -314,6 +334,17 @@ def test_outputs_are_signals_of_sensors_without_their_instruments(modes: int | N
         one.setFloat64([each], [x[j]])
         exact = np.array(one.getDirectionalDerivative(signals, [each], [1.0]))
         assert np.abs((sides[0] - sides[1]) / (2 * step) - exact).max() <= 1e-6 * max(np.abs(exact).max(), 1.0)
+
+
+def test_a_current_is_the_torque_divided_by_the_torque_constant() -> None:
+    plain = fl.Sensor(name="angle", kind="joint", link="b b"), fl.Sensor(name="torque", kind="torque", link="b b")
+    current = fl.Sensor(name="current", kind="current", link="b b", torque_constant=4.0)
+    scene = arm().varied({"sensor": (*plain, current)})
+    model = model_of(fl.lump(scene), extra=True)
+    signals, _ = signals_of(model, scene)
+    x = np.arange(1.0, len(model.x) + 1)
+    found = computed(model.tape, np.concatenate([x, [20.0, -10.0], np.ones(len(model.u) - 2)]), [*signals.values()])
+    assert found.tolist() == [x[model.chain.active[1]], -10.0, -2.5]
 
 
 def test_sensors_that_no_fmu_has_are_refused() -> None:

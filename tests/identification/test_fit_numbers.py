@@ -451,6 +451,12 @@ class TestTimes:
         run = fl.fits.FitRun(name="film", columns={"t [s]": tuple(t), FILM: tuple(np.sin(t))})
         assert recorded(PROBLEM, run).rate == pytest.approx(100.0)
 
+    @pytest.mark.parametrize(("start", "late"), [("first sample", 0.0), (6.75, 0.25)])
+    def test_a_record_with_a_start_begins_with_the_scene(self, start: Any, late: float) -> None:
+        t, later = np.linspace(0.0, 1.0, 65), replace(PROBLEM, scene=SCENE.varied({"initial.time": 2.0}))
+        run = fl.fits.FitRun(name="film", columns={"t [s]": tuple(7.0 + t), FILM: tuple(np.sin(t))}, start=start)
+        assert recorded(later, run).blocks[0].t == pytest.approx(2.0 + late + t, abs=1e-12)
+
     def test_measurement_times_between_samples_are_interpolated(self) -> None:
         t = np.linspace(0.0, 1.0, 101)
         for late in (0.005, 1e-4, 1e-5):

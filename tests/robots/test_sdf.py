@@ -118,6 +118,13 @@ def test_what_a_link_does_not_state_of_its_inertia_is_1_kg_and_1_kg_m2(tmp_path:
     assert [world.mass, *(link.mass for link in links), *links[-1].inertia.flat] == [0, 1, 1, 1, *np.eye(3).flat]
 
 
+def test_a_model_is_placed_with_all_that_is_in_it(tmp_path: Path) -> None:
+    """A quarter turn about z takes the rocker's pivot from x to y."""
+    turned = FOUR_BAR.replace("<pose>0 0 0.5 0 0 0</pose>", '<pose degrees="true">0 0 0.5 0 0 90</pose>')
+    joints = read_robot(saved(tmp_path, turned)).joints
+    assert [joints[name].origin.p for name in "ac"] == [pytest.approx(p) for p in ([0, 0, 0.5], [0, 1.1, 0.5])]
+
+
 def test_the_first_link_of_a_model_without_the_world_is_fixed(tmp_path: Path) -> None:
     text = FOUR_BAR.replace(
         '<joint name="c" type="revolute">\n    <parent>world', '<joint name="c" type="revolute">\n    <parent>crank'
