@@ -128,7 +128,7 @@ class TestAccuracy:
     ],
 )  # fmt: skip
 def test_a_fitted_change_and_its_spread_are_in_percent_but_those_of_a_start_are_not(
-    path: str, was: float, now: float, spread: float, shown: list
+    path: str, was: float, now: float, spread: float, shown: list[object]
 ) -> None:
     text = measurements._change(Fit(Tried(path, "", was), now, spread, 1.0, {}, None))  # type: ignore[arg-type]
     assert [*numbers(text.replace("+", "").replace("°", " °")), text[-1]] == shown
