@@ -151,7 +151,7 @@ class TestHeld:
         ("times", "scale"), [(0.9, []), (1.9, []), (2.0, [2]), (4.9, [2]), (9.9, [5]), (19.0, [10]), (49.0, [20])]
     )
     def test_the_drawn_deflection_is_magnified_by_the_round_number_below(
-        self, held: Study, times: float, scale
+        self, held: Study, times: float, scale: list[int]
     ) -> None:
         """The largest magnification, a twelfth of the arm's size over the sag, is rounded down to 1, 2, 5, 10, …"""
         assert numbers(statics._picture(held, 0.08 * held.chain.size / times).caption) == scale
