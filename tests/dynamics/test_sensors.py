@@ -16,6 +16,7 @@ from flexlink.dynamics.notes import notes
 from flexlink.dynamics.sensors.instrument import Instrument, Signal, coarse_samples, noise
 from flexlink.dynamics.sensors.signals import signal_of, slopes_of
 from tests.conftest import MODELS, SQUARE, flexible, make_scene
+from tests.motion.test_ties import fourbar
 from tests.support.words import refused
 
 LENGTH, WIDTH = 1.25, 0.04
@@ -500,3 +501,11 @@ def test_axes_of_an_accelerometer_have_independent_noise() -> None:
     t = 0.01 * np.arange(500)
     instrument.signal.add(t, np.zeros((500, 3)))
     assert np.abs(np.corrcoef(instrument.readings(t).T) - np.eye(3)).max() < 0.2
+
+
+def test_the_force_in_a_pin_is_the_length_of_its_vector_at_every_sample() -> None:
+    scene = fourbar().varied({"sensor": [{"name": "load", "kind": "force", "tie": "pin"}]})
+    run = fl.simulate(scene, duration=0.05, sample=0.01)
+    x, y, z = run.tie_forces["pin"].T
+    assert len(x) == 6
+    np.testing.assert_allclose(run.readings["load [N]"], np.sqrt(x**2 + y**2 + z**2), rtol=1e-12)

@@ -280,6 +280,16 @@ def test_pinocchio_moves_a_prescribed_joint_like_flexlink(flex: str, method: str
     assert np.abs(q[:, 1:]).max() > 0.01
 
 
+def test_pinocchio_shows_the_angle_and_the_rate_of_a_prescribed_joint_at_every_sample() -> None:
+    """From rest to rest, the angle is 60° (10 s³ − 15 s⁴ + 6 s⁵) with s = t / 0.1 s."""
+    scene = moved(fl.Link(name="upper", length=1.0), flexible("fore"))
+    scene = shortened(scene, 0.15, step=5e-4, sample=0.01)
+    t, q, qd = load("pinocchio", fl.lump(scene)).integrate(scene)
+    s = np.minimum(t / 0.1, 1.0)
+    assert_allclose(q[:, 0], np.pi / 3 * (10 * s**3 - 15 * s**4 + 6 * s**5), rtol=0, atol=1e-12)
+    assert_allclose(qd[:, 0], np.pi / 3 * 30 * (s * (1 - s)) ** 2 / 0.1, rtol=0, atol=1e-10)
+
+
 def test_pinocchio_keeps_a_prescribed_joint_at_a_constant_rate() -> None:
     chain = fl.lump(moved(flexible("upper", "xyz", 3, mount=ELBOW), flexible("fore")))
     native, other = load("native", chain), load("pinocchio", chain)

@@ -110,6 +110,15 @@ def test_a_planar_arm_is_viewed_perpendicular_to_its_plane() -> None:
         assert view_of(tree).spatial is (joint != fl.Joint())
 
 
+@pytest.mark.parametrize("roll", [-90.0, -60.0, 0.0, 60.0, 90.0, 180.0])
+def test_a_planar_arm_has_x_to_the_right_on_whichever_side_its_axis_points(roll: float) -> None:
+    """Rolled about X, the axis of the joint is (0, −sin, cos) of the angle; gravity points along −Z."""
+    mount = fl.Mount(rpy_deg=(roll, 0.0, 0.0))
+    view = view_of(fl.lump(make_scene(flexible("a", mount=mount), gravity=(0.0, 0.0, -9.81))))
+    assert view.axes[0] == pytest.approx([1.0, 0.0, 0.0])
+    assert view.labels[0] == "x [m]"
+
+
 def test_without_gravity_a_planar_arm_is_viewed_with_x_to_the_right() -> None:
     view = view_of(fl.lump(make_scene(flexible("a"), gravity=(0.0, 0.0, 0.0))))
     assert view.axes == pytest.approx(np.eye(3))

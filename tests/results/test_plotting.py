@@ -51,6 +51,19 @@ def test_a_legend_with_short_and_long_names_is_not_wider_than_its_figure(of_figu
     assert legend.get_window_extent().xmax <= figure.bbox.xmax
 
 
+@pytest.mark.parametrize("of_figure", [False, True])
+def test_a_legend_has_as_many_columns_as_fit(of_figure: bool) -> None:
+    figure = Figure(figsize=(style.WIDTH, 3.0), layout="constrained")
+    panel = figure.subplots()
+    for letter in "abcdef":
+        panel.plot([0.0], label=f"letters {letter * 3}")
+    style.legend_over(panel, figure=figure if of_figure else None)
+    (legend,) = figure.findobj(Legend)
+    figure.draw_without_rendering()
+    width, whole = legend.get_window_extent().width, (figure.bbox if of_figure else panel.get_window_extent()).width
+    assert width <= whole < width * (1 + 1 / legend._ncols)
+
+
 def test_a_flat_arm_has_a_low_panel_and_a_mast_a_high_one() -> None:
     for angle, least, most in ((0.0, 0.1, 0.3), (90.0, 1.0, 1.5)):
         figure = make_scene(flexible("a"), initial=fl.InitialState(joint_deg=(angle,))).plot()

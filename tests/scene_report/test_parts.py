@@ -149,12 +149,27 @@ class TestHeld:
         found = peak_stress(held.run)
         assert found is not None and (found.link, found.along, found.rectangle) == ("bar", 0.0, False)
 
+    @pytest.mark.parametrize(
+        ("times", "scale"), [(0.9, []), (1.9, []), (2.0, [2]), (4.9, [2]), (9.9, [5]), (19.0, [10]), (49.0, [20])]
+    )
+    def test_the_drawn_deflection_is_magnified_by_the_round_number_below(
+        self, held: Study, times: float, scale: list[int]
+    ) -> None:
+        """The largest magnification, a twelfth of the arm's size over the sag, is rounded down to 1, 2, 5, 10, …"""
+        assert numbers(statics._picture(held, 0.08 * held.chain.size / times).caption) == scale
+
     def test_the_model_chapter_shows_the_counts_and_the_mass_of_the_arm(self, held: Study) -> None:
         part, chain = made("model", held), held.chain
         check_sentence(part, "report numbers: size of the model", [1, L, LOAD + WEIGHT * L / G, 17, 1, 16])
         check_sentence(part, "report numbers: gravity", [0, -G, 0], "m/s²")
         links, joints, springs = (table(part, name) for name in ("links", "joints", "springs"))
         assert [links[h] for h in ("length [m]", "hinges", "damping time [s]")] == [[L], [8], [1e-4]]
+        assert [links[h] for h in ("bends about", "rule", "material", "section")] == [
+            ["yz"],
+            ["lobatto4"],
+            ["steel"],
+            ["bar"],
+        ]
         assert [joints[h] for h in ("start [deg]", "limits [deg]")] == [[180.0], ["none"]]
         hinges = [chain.joint_names.index(name) for name in springs["spring"]]
         assert sorted(hinges) == list(range(1, 17))

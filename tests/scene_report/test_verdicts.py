@@ -14,7 +14,8 @@ from flexlink.advice.model_runner import Outcome, Stepping
 from flexlink.diagnosis.trajectories import MEANINGFUL_TOLERANCE, RunDifference
 from flexlink.pages.page import Part
 from flexlink.results.convergence import Limit
-from flexlink.scene_report.fitting import numbers_of
+from flexlink.scene_report.fitting import Fit, Tried, numbers_of
+from flexlink.scene_report.parts import accuracy, measurements
 from flexlink.scene_report.refinement import Choice
 from flexlink.scene_report.study import Study
 from tests.conftest import ROOT, make_scene
@@ -105,12 +106,32 @@ class TestAccuracy:
     def test_a_model_passes_with_an_error_below_one_percent_and_no_warnings(self, judged, about, state) -> None:
         assert judged(**about).verdicts[0].state == state
 
+    def test_prices_are_drawn_from_two_choices_of_known_error_and_time_on(self) -> None:
+        unknown = choice("unknown", np.nan, 0.1), choice("exact", 0.0, 0.1), choice("free", 1e-3, 0.0)
+        assert accuracy._prices([CHOICES[0], *unknown]) is None
+        drawn = accuracy._prices([CHOICES[0], *unknown, CHOICES[4]])
+        assert drawn is not None and drawn.csv.splitlines()[1:] == ["this scene,0.1,0.002", "dear and good,0.5,0.001"]
+
     def test_a_report_names_the_duration_up_to_which_the_error_is_known(self, judged: Any) -> None:
         part = judged(error=np.nan, known=False)
         check_sentence(part, "report verdicts: error of the hinges", [0.25, 0.25, 1.0], "0.25 mm", "0.25 s", rel=1e-12)
         of_steps = judged(steps=np.nan).sentences[1]
         assert "unknown" in of_steps and not numbers(of_steps)
         reviewed("report verdicts: error of the steps", of_steps)
+
+
+@pytest.mark.parametrize(
+    ("path", "was", "now", "spread", "shown"),
+    [
+        ("tip.mass", 2.0, 2.5, 0.1, [25, 5, "%"]), ("tip.mass", 4.0, 3.0, 0.2, [-25, 5, "%"]),
+        ("initial.joint_deg.1", 4.0, 3.0, 0.2, [-1, 0.2, "°"]), ("initial.joint_m.1", 0.0, 0.5, 0.1, [0.5, 0.1, "m"]),
+    ],
+)  # fmt: skip
+def test_a_fitted_change_and_its_spread_are_in_percent_but_those_of_a_start_are_not(
+    path: str, was: float, now: float, spread: float, shown: list[object]
+) -> None:
+    text = measurements._change(Fit(Tried(path, "", was), now, spread, 1.0, {}, None))  # type: ignore[arg-type]
+    assert [*numbers(text.replace("+", "").replace("°", " °")), text[-1]] == shown
 
 
 @pytest.mark.slow
