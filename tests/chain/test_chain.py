@@ -93,6 +93,12 @@ def test_a_chain_is_read_only(chain: Chain) -> None:
         chain.stiffness[0] = 1.0
 
 
+def test_by_default_the_tip_is_the_last_body_of_the_last_link(chain: Chain) -> None:
+    bare = dataclasses.replace(chain, tips={})
+    assert bare.tips == {chain.link_names[-1]: len(chain.bodies) - 1}
+    assert dataclasses.replace(bare, link_names=(), tips={}).tips == {}
+
+
 def test_mass_of_the_chain_is_the_mass_of_the_arm() -> None:
     scene = nasty_scene()
     lengths = [link.length for link in scene.arm.links]

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -448,6 +449,14 @@ def test_an_impossible_section_is_refused(fields: dict[str, Any], id: str, part:
     with refused(fl.errors.SceneError, id) as caught:
         fl.Rigidity(**{"x": (0.0, 2.0), "stiffness": STIFF, "mass": CENTRED, **fields})
     assert part in str(caught.value)
+
+
+@pytest.mark.parametrize(("m", "y"), [(4.0, 0.5), (0.25, 2.0)])
+def test_the_inertia_about_the_centre_of_mass_is_smaller_by_mass_times_distance_squared(m: float, y: float) -> None:
+    for left in (0.24, -0.24):
+        fields: dict[str, Any] = {"mass": mass(m, y, 0.0, (2.0, 1.0, m * y**2 + left))}
+        with nullcontext() if left > 0 else refused(fl.errors.SceneError, "section-not-stiff"):
+            fl.Rigidity(**{"x": (0.0, 2.0), "stiffness": STIFF, **fields})
 
 
 @pytest.mark.parametrize(

@@ -311,6 +311,18 @@ def test_info_and_modes_distinguish_pendulum_modes_from_elastic_ones(paper: str,
     assert kinds == ["pendulum", "pendulum", "elastic"]
 
 
+@pytest.mark.parametrize(("segments", "count"), [(5, 8), (6, 9)])
+def test_info_shows_up_to_eight_frequencies_and_of_more_the_first_four_and_last_two(
+    segments: int, count: int, paper: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["info", paper, "--set", f"link.fore.segments={segments}", "--json"]) == 0
+    about = json.loads(capsys.readouterr().out)
+    every = [f"{mode['frequency_hz']:.4g}" for mode in about["modes"] if mode["kind"] == "elastic"]
+    shown = next(text for text in about["lines"] if text.startswith("elastic")).partition("[Hz]: ")[2].split(", ")
+    assert len(every) == count
+    assert shown == (every if count == 8 else [*every[:4], "…", *every[-2:]])
+
+
 BOOM = """
 name = "boom"
 gravity = [0.0, 9.81, 0.0]

@@ -120,6 +120,17 @@ def test_a_hint_names_a_mistaken_value_and_its_likely_unit(mistake: dict[str, An
     reviewed(id, hint)
 
 
+@pytest.mark.parametrize(
+    ("area", "i_y", "real"),
+    [(0.8, 0.05, True), (0.8, 0.2, True), (0.95, 0.05, True), (0.95, 0.2, False), (1, 0.05, False), (0.8, 1e-7, False)],
+)
+def test_a_density_is_doubted_unless_its_only_section_is_a_placeholder(area: float, i_y: float, real: bool) -> None:
+    """A placeholder has an area of 1, two properties beyond 0.9 m² or 0.1 m⁴, or an impossible shape."""
+    section = fl.Section(shape="general", area=area, i_y=i_y, i_z=0.05, torsion=0.05)
+    scene = CRANE.varied({"link.boom.section": "profile", "section.profile": section, "material.steel.density": 7.85})
+    assert any(hint.startswith("material.steel.density = ") for hint in hints(scene)) == real
+
+
 def test_a_table_of_negative_torques_in_newton_millimetres_gets_a_hint() -> None:
     (hint,) = hints(
         CRANE.varied({"drive": {"kind": "table", "times": [0.0, 1.0], "torques": [[0.0, 0.0], [-9e6, 0.0]]}})

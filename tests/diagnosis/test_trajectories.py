@@ -95,6 +95,23 @@ def test_a_run_that_diverges_in_an_engine_disagrees_and_its_samples_are_compared
     assert str(found).endswith("native: infinite")
 
 
+def test_a_missing_engine_is_left_out_unless_it_is_named_or_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    def differs(ours: fl.Trajectory, scene: fl.Scene, name: str, _: None) -> trajectories.RunDifference:
+        if name in absent:
+            raise fl.errors.MissingDependencyError(name)
+        return real(ours, scene, "native", None)
+
+    real, absent, scene = trajectories._difference, ["mujoco"], fl.load_scene(SPATIAL)
+    monkeypatch.setattr(trajectories, "_difference", differs)
+    monkeypatch.setattr(trajectories, "ENGINES", ("native", "mujoco", "pinocchio"))
+    assert len(fl.compare_trajectories(scene, duration=0.01).rows) == 1
+    with pytest.raises(fl.errors.MissingDependencyError):
+        fl.compare_trajectories(scene, engines=["mujoco", "pinocchio"], duration=0.01)
+    absent.append("pinocchio")
+    with pytest.raises(fl.errors.MissingDependencyError):
+        fl.compare_trajectories(scene, duration=0.01)
+
+
 def test_in_chaotic_motion_engines_may_differ_as_much_as_two_of_our_runs(monkeypatch) -> None:
     scene = fl.load_scene(SPATIAL)
     ours, other = (fl.simulate(scene, duration=0.01, solver=name) for name in ("articulated", "lu"))

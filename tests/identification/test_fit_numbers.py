@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 from scipy.integrate import quad
+from scipy.optimize import least_squares
 from scipy.signal import lfilter
 from scipy.stats import t as student
 
@@ -36,7 +37,7 @@ from flexlink.identification.data import (
 from flexlink.identification.fitted import Fitted
 from flexlink.identification.identifiability import checked
 from flexlink.identification.interval import Spread, estimates, spread_of
-from flexlink.identification.likelihood import Likelihood, row_of
+from flexlink.identification.likelihood import LOSSES, Likelihood, row_of
 from flexlink.identification.page import identifiability
 from flexlink.identification.signals import Signals
 from flexlink.motion.slopes_of_runs import CENTRAL, CENTRAL_4, FORWARD, Places, mirrored, weights
@@ -224,6 +225,14 @@ class TestCoverage:
 
 class TestSearch:
     """Searches and their weights of residuals, in problems with known solutions."""
+
+    @pytest.mark.parametrize("name", ["linear", "huber", "soft_l1"])
+    def test_a_loss_is_that_of_scipy_and_its_influence_is_half_its_slope_over_the_mean_slope(self, name: Any) -> None:
+        e, h, (ρ, ψ) = np.linspace(-3.0, 3.0, 14), 1e-3, LOSSES[name]
+        theirs = least_squares(lambda x: e + 0 * x, [0.0], loss=name).cost
+        assert np.sum(ρ(e)) / 2 == pytest.approx(theirs, rel=1e-12)
+        curvature = np.mean(ρ(e + h) - 2 * ρ(e) + ρ(e - h)) / h**2
+        np.testing.assert_allclose(ψ(e), (ρ(e + h) - ρ(e - h)) / (2 * h) / curvature, rtol=1e-5)
 
     def test_estimates_match_linear_least_squares_and_profiles_match_intervals(self, fit_of: Any) -> None:
         rng = np.random.default_rng(8)

@@ -80,6 +80,7 @@ class TestPage:
     def test_an_estimate_is_printed_with_two_digits_of_its_interval_or_both_ends(self, value, low, high, text) -> None:
         one = Estimate(MASS, MASS, 1.0, value, low, high, 0.1, unit="kg")
         assert page._with_interval(one).replace("\xa0", " ") == text
+        assert page._confidence(one).startswith("95 %") == (math.isfinite(low) and math.isfinite(high))
 
     def test_differences_are_rms_values_and_fractions_of_the_signal(self) -> None:
         far, near = self.Y + 0.2, self.Y * 0.9
@@ -291,6 +292,16 @@ class TestNoise:
         assert white_noise((MOTION + coloured(rng, 0.0))[:400]) is None
         assert white_noise(MOTION) is None
         assert white_noise(np.round(MOTION, 7)) is None
+
+    @pytest.mark.parametrize(("edge", "white"), [(0.39, True), (0.62, False), (0.78, False)])
+    def test_noise_is_white_if_it_is_above_two_fifths_of_the_nyquist_frequency(
+        self, rng: np.random.Generator, edge: float, white: bool
+    ) -> None:
+        """Below the edge, its power is four times as large."""
+        lines = np.fft.rfft(coloured(rng, 0.0))
+        lines[: int(edge * len(lines))] *= 2.0
+        found = white_noise(np.fft.irfft(lines))
+        assert found == pytest.approx(1e-3, rel=0.1) if white else found is None
 
     def test_the_steps_of_a_converter_are_noise_of_their_size_over_the_root_of_twelve(self) -> None:
         step = 1e-3

@@ -101,6 +101,15 @@ def test_an_initial_state_from_arrays_equals_one_from_lists() -> None:
         assert started_from(scene, *start) != scene
 
 
+def test_a_state_from_finite_arrays_is_not_validated_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, validated, rows = arm("none"), arm("pd"), np.zeros(6)
+    monkeypatch.setattr(fl.Scene, "varied", lambda *_: validated)
+    for q, qd, t in ((rows, None, None), (None, rows, None), (rows, rows, 0.01)):
+        assert started_from(scene, q, qd, t) is not validated
+    for q, qd, t in ((rows + np.inf, None, None), (None, rows + np.nan, None), (rows, rows, -0.01), (rows, rows, 1)):
+        assert started_from(scene, q, qd, t) is validated
+
+
 def test_a_scene_is_prepared_once_unless_it_names_a_file(tmp_path, monkeypatch) -> None:
     """Cached data of a scene must not be used after the file of its method has changed."""
     file, scene = tmp_path / "mine.toml", arm("none")
