@@ -315,7 +315,8 @@ def test_info_and_modes_distinguish_pendulum_modes_from_elastic_ones(paper: str,
 def test_info_shows_up_to_eight_frequencies_and_of_more_the_first_four_and_last_two(
     segments: int, count: int, paper: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["info", paper, "--set", f"link.fore.segments={segments}", "--json"]) == 0
+    more = f"link.fore.segments={segments}"
+    assert main(["info", paper, "--set", more, "--json"]) == 0
     about = json.loads(capsys.readouterr().out)
     every = [f"{mode['frequency_hz']:.4g}" for mode in about["modes"] if mode["kind"] == "elastic"]
     shown = next(text for text in about["lines"] if text.startswith("elastic")).partition("[Hz]: ")[2].split(", ")

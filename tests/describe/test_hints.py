@@ -128,7 +128,8 @@ def test_a_density_is_doubted_unless_its_only_section_is_a_placeholder(area: flo
     """A placeholder has an area of 1, two properties beyond 0.9 m² or 0.1 m⁴, or an impossible shape."""
     section = fl.Section(shape="general", area=area, i_y=i_y, i_z=0.05, torsion=0.05)
     scene = CRANE.varied({"link.boom.section": "profile", "section.profile": section, "material.steel.density": 7.85})
-    assert any(hint.startswith("material.steel.density = ") for hint in hints(scene)) == real
+    doubted = [hint for hint in hints(scene) if hint.startswith("material.steel.density = ")]
+    assert bool(doubted) == real
 
 
 def test_a_table_of_negative_torques_in_newton_millimetres_gets_a_hint() -> None:
