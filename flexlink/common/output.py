@@ -52,7 +52,7 @@ def check_writable(path: Path) -> None:
 
 def make_folder(path: Path) -> None:
     """Create a folder and its parents, and check, before results are computed, that files can be created in it."""
-    if path.suffix in {".html", ".toml", ".csv", ".png", ".pdf", ".npz"} and not path.is_dir():
+    if path.suffix in {".html", ".toml", ".csv", ".png", ".pdf", ".npz", ".docx", ".slx"} and not path.is_dir():
         why = f"a folder of several files is written; give its name, such as {path.with_suffix('')}"
         raise OutputError(f"{path}: {why}", id="folder-needed")
     try:

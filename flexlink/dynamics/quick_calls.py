@@ -73,6 +73,8 @@ class Dynamics:
         if chain.shapes is None:  # as in the public function
             of_accelerations = _of_state(derivatives.forward_derivatives(chain), (3, n, n), of_accelerations)
         self.forward_dynamics_derivatives = of_accelerations
+        for name, function in [*vars(self).items()][1:]:  # for messages
+            function.__qualname__ = f"Dynamics.{name}"
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Dynamics, (self.chain,)

@@ -37,9 +37,10 @@ class Result:
                 raise AttributeError(name)
             if (own := getattr(type(self), name, None)) is not None:  # a property that has failed: show its error
                 return own.__get__(self)
+            public = {each: getattr(type(self), each) for each in dir(type(self)) if each[0] != "_"}
             fields = [field.name for field in dataclasses.fields(self) if field.repr]
-            near = did_you_mean(name, [*fields, *(each for each in dir(type(self)) if each[0] != "_")])
-            near = near or f"; its fields are {', '.join(fields)}"
+            fields += [each for each, what in public.items() if isinstance(what, property)]
+            near = did_you_mean(name, [*fields, *public]) or f"; its fields are {', '.join(fields)}"
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}{near}")
 
     def __array__(self, *_: object, **__: object) -> NoReturn:

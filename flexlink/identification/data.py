@@ -249,7 +249,7 @@ def doubts_of_times(scene: Scene, blocks: Sequence[Block], t: Array, hertz: floa
     length, between = float(t[-1] - t[0]), float(np.median(np.diff(t)))
     if length * hertz < shown:
         text = f"the record is {length:.3g} s long, {length * hertz:.2g} of a period of the slowest mode, "
-        text += f"{hertz:.3g} Hz; if its times are in s, name the column 't [s]'"
+        text += f"{hertz:.3g} Hz: record a period or more; if its times are in s, name the column 't [s]'"
         return (Diagnostic(text, "record-too-short"),)
     if not 2 * between * hertz > 1:
         return ()

@@ -13,6 +13,7 @@ from flexlink.common.types import Array
 from flexlink.common.wording import did_you_mean, short_list
 from flexlink.data.documents import in_json, require_path
 from flexlink.describe.scene import Scene
+from flexlink.dynamics.result import Result
 from flexlink.identification.block import unit_in
 from flexlink.identification.identifiability import Check
 from flexlink.identification.problem import FitProblem
@@ -194,7 +195,7 @@ class FittedColumn:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Fitted:
+class Fitted(Result):
     """Result of a fit.
 
     Attributes

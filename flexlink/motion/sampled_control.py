@@ -93,7 +93,7 @@ class Control:
         try:
             given = np.asarray(self.law(t, q.copy(), qd.copy(), **(sensors or {})))
         except Exception as error:
-            form = "; it is called as law(t, q, qd)" if "positional argument" in str(error) else ""
+            form = "; it is called as law(t, q, qd)" if isinstance(error, TypeError) else ""
             raise LawFailure(f"{self._label(t)} raised {type(error).__name__}: {error}{form}") from error
         if given.dtype.kind in "fiu" and given.shape == (self.joints,):
             torque = given.astype(np.float64)

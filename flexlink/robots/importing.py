@@ -300,8 +300,8 @@ def living_paths(
                 raise DataFileError("no link of this file has mass; give the moving links an <inertial>", id="no-mass")
             part = lifeless[-1]
             hint = f", for example --tip {part.joint.parent}" if part.parent else ""
-            why = f"link {truncated(part.link)}: nothing beyond its joint has inertia; choose a tip before it{hint}"
-            raise DataFileError(why, id="no-mass")
+            why = f"nothing beyond its joint has inertia; add <inertial> to it, or choose a tip before it{hint}"
+            raise DataFileError(f"link {truncated(part.link)}: {why}", id="no-mass")
         still |= {part.joint.name: None for part in lifeless}
 
 

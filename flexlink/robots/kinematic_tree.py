@@ -15,7 +15,7 @@ from flexlink.common.types import Array
 from flexlink.common.wording import did_you_mean, plural, short_list, truncated
 from flexlink.describe.spec import to_builtin
 
-JointKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
+JointKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar", "spherical"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,7 +54,7 @@ class TreeJoint:
         return self.kind != "fixed"
 
     def pose(self, position: float) -> Pose:
-        """Return the child's frame in the parent's frame; floating and planar joints ignore `position`."""
+        """Return the child's frame in the parent's frame; floating, planar and spherical joints ignore `position`."""
         if self.kind == "prismatic":
             return self.origin.then(Pose(np.eye(3), self.axis * position))
         return self.origin.then(Pose(_turn(self.axis, position), np.zeros(3))) if self.turns else self.origin
@@ -235,7 +235,7 @@ def finite(value: object) -> float | None:
 
 def _check(robot: Robot, key: str, name: object, value: object) -> None:
     joint = require_one_of(key, name, robot.joints)
-    if joint.kind in {"fixed", "floating", "planar"}:
+    if joint.kind in {"fixed", "floating", "planar", "spherical"}:
         why = f"{key}: joint {truncated(name)} is {joint.kind}; only hinges and slides have a position"
         raise ArgumentError(why, id="joint-type-in-file")
     if joint.mimic is not None and key == "posture":

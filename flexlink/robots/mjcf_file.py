@@ -51,12 +51,12 @@ def read_mjcf(path: Path) -> Robot:
 
 
 def _joint(model: Any, j: int, name: str, ends: tuple[str, str], origin: Pose) -> TreeJoint:
-    """Joint j of a model, −1: a fixed one; balls float."""
+    """Joint j of a model, −1: a fixed one."""
     if j < 0:
         return TreeJoint(name, "fixed", *ends, origin, np.zeros(3), None, 0.0, 0.0, None)
     number, limited, k = model.jnt_type[j], bool(model.jnt_limited[j]), model.jnt_dofadr[j]
-    turning, endless, sliding, _, floating, _ = get_args(JointKind)
-    kind = (floating, floating, sliding, turning if limited else endless)[number]
+    turning, endless, sliding, _, floating, _, ball = get_args(JointKind)
+    kind = (floating, ball, sliding, turning if limited else endless)[number]
     low, high = (model.jnt_range[j] - model.qpos0[model.jnt_qposadr[j]]).tolist()
     fields = (model.dof_damping, model.dof_frictionloss, model.dof_armature)
     damping, friction, armature = (float(np.ravel(values[k])[0]) for values in fields)

@@ -144,9 +144,10 @@ def _way(robot: Robot, base: str, tips: Sequence[str] | None) -> list[TreeJoint]
 def _check_fit(joint: TreeJoint, span: str) -> None:
     """Check that a joint of a path can be a free joint of an arm."""
     where = f"joint {truncated(joint.name)}, {span},"
-    if joint.kind in {"floating", "planar"}:
+    if joint.kind in {"floating", "planar", "spherical"}:
         base = f"--base {joint.child}{' --free-base' * (joint.kind == 'floating')}"
         remedy = f"begin beyond it, for example with {base}, or name tips that are not beyond it"
+        remedy = "replace it in the file by three hinges with one centre" if joint.kind == "spherical" else remedy
         why = f"{where} is {joint.kind}; a joint of an arm has one coordinate: {remedy}"
         raise ArgumentError(why, id="joint-type-in-file")
     if joint.mimic is not None:

@@ -256,8 +256,7 @@ def fingerprint(sweep: Sweep) -> Fingerprint:
 def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
     """Text with the first three differences between two fingerprints; empty if there are none."""
     changes = [f"{path} was {truncated(a)} and is {truncated(b)}" for path, a, b in _different(old, new)]
-    more = f" and {len(changes) - 3} more" if len(changes) > 3 else ""
-    return "; ".join(changes[:3]) + more
+    return "; ".join(changes[:3]) + (f" and {len(changes) - 3} more" if len(changes) > 3 else "")
 
 
 def _different(old: Any, new: Any, path: str = "") -> Iterator[tuple[str, Any, Any]]:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import msgspec
 
-from flexlink.chain.arguments import integer, require_bool, require_callable, sequence
+from flexlink.chain.arguments import integer, require_bool, require_callable, require_type, sequence
 from flexlink.chain.lumping import lump, open_chain
 from flexlink.common.errors import ArgumentError, EngineError, FlexlinkError, InterruptedSweepError, SceneError
 from flexlink.common.interruption import Stop, deferred, word
@@ -104,7 +104,7 @@ def sweep(
     count = integer("workers", workers, 1, MAX_WORKERS)
     if slots is not None:
         integer("slots", slots, 1)
-    plan = Plan(what if isinstance(what, Sweep) else Sweep.load(what))
+    plan = Plan(Sweep.load(what) if isinstance(what, str | Path) else require_type("what", what, Sweep))
     path = None if out is None else require_path("out", out)
     parts = [require_path("merge", file) for file in sequence("merge", merge, "path")]
     preflight(plan)

@@ -152,8 +152,7 @@ def _quantiles(name: str, sums: Counter[tuple[Any, ...]], shares: Sequence[float
 
 def _middle(number: int) -> float:
     """Middle of a class of values."""
-    bits = (number << SHIFT) + (1 << SHIFT - 1)
-    return float(struct.unpack("<d", struct.pack("<q", bits))[0])
+    return float(struct.unpack("<d", struct.pack("<q", (number << SHIFT) + (1 << SHIFT - 1)))[0])
 
 
 def encode(total: Summary) -> str:

@@ -274,6 +274,17 @@ def test_joints_of_other_kinds_are_refused_by_name(kind: str, tmp_path: Path) ->
     assert [part.joint.name for part in fl.import_urdf(path, base="hull").path.parts] == ["arm"]
 
 
+def test_a_spherical_joint_is_refused_and_a_free_base_in_its_place_is_not_advised(tmp_path: Path) -> None:
+    """A free base would move away from the joint's centre."""
+    ball, hinge = '<joint name="j" type="ball"/>', '<joint name="k" axis="1 0 0"/>'
+    weight = '<geom type="sphere" size="0.1" pos="0 0 1"/>'
+    inner = f'<body name="b" pos="0 0 1">{hinge}{weight}</body>'
+    path = tmp_path / "ball.xml"
+    path.write_text(f'<mujoco><worldbody><body name="a">{ball}{weight}{inner}</body></worldbody></mujoco>')
+    with refused(ArgumentError, "joint-type-in-file"):
+        fl.import_urdf(path)
+
+
 def test_child_links_of_a_flexible_link_are_attached_to_the_end_of_its_beam(tmp_path: Path) -> None:
     """With slack springs, M equals the mass matrix of the rigid robot."""
     joints = ["lift prismatic base torso", "left revolute torso l1", "right revolute torso r1", "elbow revolute l1 l2"]

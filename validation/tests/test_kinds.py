@@ -1,19 +1,42 @@
 """Kinds of cases report the worst state, cut or row, wherever it is, and frequencies of elastic modes only."""
 
+import dataclasses
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 import flexlink as fl
+from flexlink.describe.spec import decode
 from flexlink.diagnosis.quantities import random_states
 from tests.conftest import ROOT
 from validation import sweep_processes
 from validation.case import CASES, Measured, load_case, scene_file
 from validation.formulations.ladder import ADVISE, Rung
-from validation.kinds import formulations, frequencies, identities, orders, robots, sweeps, witnesses
+from validation.kinds import (
+    KINDS,
+    data_sheets,
+    engines,
+    fifty_digits,
+    floating_frames,
+    formulations,
+    frequencies,
+    identities,
+    integrators,
+    orders,
+    paper_equations,
+    robots,
+    speed_models,
+    stable_steps,
+    statics,
+    sweeps,
+    witnesses,
+)
 from validation.physics.variant import Rule, Variant
+from validation.reference_values import reference_array
+from validation.trade.error_parts import Fine, Part, Path, Split
 
 ARM = fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied({"link.*.segments": 3})
 CHAIN = fl.lump(ARM)
@@ -123,3 +146,90 @@ def test_angles_and_rates_of_another_program_are_compared_separately(monkeypatch
     monkeypatch.setattr(witnesses.engines, "load", lambda name, chain: stub[name])
     scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml")
     assert [each.value for each in witnesses._motion(scene, "other")] == [1.0, 7.0]
+
+
+def test_the_largest_stable_step_is_relative_to_the_least_predicted_along_a_run(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(integrators, "stable_step", lambda chain, q, method: 2.0 + q[0])
+    monkeypatch.setattr(integrators, "_stable", lambda scene, method, step: step < 1.0)
+    exact: Any = SimpleNamespace(q=np.array([[3.0], [-1.0], [1.0]]), chain=None)
+    assert integrators._stability(ARM, "RK4", exact).value == pytest.approx(1.0, abs=2e-3)
+
+
+def test_near_gimbal_lock_the_middle_hinge_of_three_is_at_90_degrees() -> None:
+    """Fixed axes x, y and z: the first and the third axis are parallel if the middle angle is 90°."""
+    chain = fl.lump(ARM.varied({"link.*.flex": "xyz"}))
+    (state,) = random_states(chain, 1)
+    q = fifty_digits._near_lock(chain, state, 1e-6).q
+    (turned,) = np.nonzero(q != state.q)
+    triples = chain.bodies["first"][chain.bodies["stop"] - chain.bodies["first"] == 3]
+    assert len(turned) and set(turned) <= set(triples + 1)
+    assert np.abs(q[turned]) == pytest.approx(np.pi / 2 - 1e-6)
+
+
+def test_errors_for_small_bending_are_those_of_the_least_torque() -> None:
+    settings: Any = SimpleNamespace(modes=(2,), torques=(1e-3, 1.0), stations=0.0)
+    errors = {(floating_frames.OURS, 1e-3): 1e-9, (floating_frames.OURS, 1.0): 1e-4}
+    points = [floating_frames.Point(name, 2, torque, error) for (name, torque), error in errors.items()]
+    found = {each.quantity: each.value for each in floating_frames._comparisons(points, settings)}
+    assert found == {floating_frames.LITTLE: 1e-9, floating_frames.MUCH: 1e-4}
+
+
+@pytest.mark.parametrize(("name", "column"), [("hinges", "stiffness"), ("bodies", "mass")])
+def test_a_number_of_a_hinge_or_a_body_that_a_file_changed_is_counted(name: str, column: str) -> None:
+    rows = getattr(CHAIN, name).copy()
+    rows[column][2] *= 1 + 1e-15
+    assert engines._differences(CHAIN, CHAIN) == 0
+    assert engines._differences(CHAIN, dataclasses.replace(CHAIN, **{name: rows})) == 1
+
+
+def test_scenes_with_a_largest_stable_step_are_counted_once_each(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stable_steps, "observed", lambda rest, name, predicted: 1.01)
+    case = replace(load_case(CASES / "stable_steps.toml"), scenes=("unit_two_links", "unit_beam"))
+    found = [each for each in stable_steps.run(case, ("RK2", "RK4")) if isinstance(each, Measured)]
+    numbers = {each.quantity: each.value for each in found}
+    all_scenes, limited = numbers["scenes"], numbers["scenes with a largest stable step"]
+    assert (all_scenes, limited) == (2, 2)
+
+
+def test_mujocos_critical_load_in_a_data_sheet_is_mujocos(monkeypatch: pytest.MonkeyPatch) -> None:
+    case = load_case(CASES / "physics_columns.toml")
+    settings = KINDS[case.kind].settings
+    decoded: Any = decode(case.settings, settings, "settings")
+    load = decoded.load[0]
+    exact = float(reference_array("critical_loads", load.key))
+    monkeypatch.setattr(statics, "_critical_in_mujoco", lambda chain, load: 3 * exact)
+    monkeypatch.setattr(statics, "_critical", lambda chain, load: 2 * exact)
+    one = replace(decoded, load=(load,))
+    at = Rule(rule="gauss", hinges=2)
+    assert statics.mujoco_buckling_error_at(case, one, at) == pytest.approx(2.0)
+    assert statics.buckling_error_at(case, one, at) == pytest.approx(1.0)
+
+
+def test_each_type_of_link_gains_over_the_one_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    tips = {"rigid": 8.0, "T1": 4.0, "T2": 1.0, "T3": 0.0}
+    types = {flex: name for name, flex in {"rigid": "rigid", **paper_equations.TYPES}.items()}
+    monkeypatch.setattr(Fine, "limit", lambda self, scene, flex: Path(np.full((2, 3), tips[types[flex]]), 0.0))
+    fine = Fine(method="RK4", tolerances=(1.0, 1.0))
+    case: Any = SimpleNamespace(varied_scene=lambda name, change: ARM)
+    motion = paper_equations.Motion(fine=fine, rigid=fine)
+    found = [each for each in paper_equations.paper_types(case, {"arm": motion}) if each.quantity == "gain"]
+    assert [each.value for each in found] == pytest.approx([2.0, 4.0])
+
+
+def test_the_best_error_of_a_data_sheet_is_flexlinks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(data_sheets, "_timed", lambda measure, *_: (measure, 1.0))
+    case = load_case(CASES / "physics_tip_mass.toml")
+    sheet = dataclasses.replace(KINDS[case.kind], sheet={"native": 0.5, "mujoco": 0.1})
+    monkeypatch.setitem(KINDS, case.kind, sheet)
+    found = [each for each in data_sheets._sheet(case) if isinstance(each, Measured)]
+    assert case.sheet is not None
+    assert found[-1].value == pytest.approx(0.5 / case.sheet.accepted)
+
+
+def test_an_error_is_divided_by_the_sum_of_its_parts() -> None:
+    split = Split(3.0, 0.03, {"model": Part(1.0, 0.0), "space": Part(0.5, 0.1)}, 0.5)
+    found = {each.quantity: each.value for each in speed_models._rows(ARM, "run", split)}
+    whole, last = found["error / sum of parts"], found["own error / part"]
+    assert (whole, last) == (1.5, 0.2)

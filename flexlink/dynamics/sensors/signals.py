@@ -147,8 +147,7 @@ def placement_of(sensor: Sensor, scene: Scene) -> tuple[int, Array, Array]:
     if not body:
         why = "is mounted on a part that is fixed in frame 0; choose a position beyond the first hinge"
         raise SceneError(f"sensor.{sensor.name}: {why}", id="sensor-on-fixed-part")
-    directions = wanted if sensor.kind == "position" else wanted @ axes.T @ R[body]
-    return body - 1, position, directions
+    return body - 1, position, wanted if sensor.kind == "position" else wanted @ axes.T @ R[body]
 
 
 def check_placements(scene: Scene) -> None:

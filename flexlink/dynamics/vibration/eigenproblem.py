@@ -119,8 +119,7 @@ def _eigenvalues(A: Array) -> tuple[Complex, Complex, Array]:
     overlap = np.abs(np.einsum("ik,ik->k", left.conj(), right))
     # The QR algorithm changes a simple eigenvalue by at most N eps ‖A‖/|wᴴ v| (Golub & Van Loan, section 7.2.2), and an
     # eigenvalue of multiplicity m by m times this bound: m = 2 for one neutral joint, 4 for two.
-    size = 4 * len(A) * EPS * np.linalg.norm(A, 2)
-    return λ, right, np.asarray(size / np.maximum(overlap, EPS))
+    return λ, right, np.asarray(4 * len(A) * EPS * np.linalg.norm(A, 2) / np.maximum(overlap, EPS))
 
 
 def _first_order(modes: _Modes, C: Array, without_potential: Array) -> Solution:

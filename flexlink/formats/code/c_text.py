@@ -90,8 +90,7 @@ def slopes_by_rows(model: Model, values: Sequence[Real], held: Iterable[Number] 
 
 def template(file: str, name: str, words: Mapping[str, str] | None = None) -> str:
     """A text of this folder with other words, and with the name of the arm in place of NAME."""
-    text = with_words(file, words or {})
-    return re.sub("NAME_(?=[A-Z])", f"{name.upper()}_", text).replace("NAME", name)
+    return re.sub("NAME_(?=[A-Z])", f"{name.upper()}_", with_words(file, words or {})).replace("NAME", name)
 
 
 def with_words(file: str, words: Mapping[str, str]) -> str:
