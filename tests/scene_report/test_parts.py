@@ -19,6 +19,7 @@ from flexlink.pages.numbers import JOIN
 from flexlink.pages.page import Part
 from flexlink.results.convergence import resolved
 from flexlink.scene_report import building
+from flexlink.scene_report.arm_picture import of_arm
 from flexlink.scene_report.parts import loads, measurements, statics, vibration
 from flexlink.scene_report.parts.loads import peak_stress
 from flexlink.scene_report.refinement import Refinement
@@ -267,6 +268,13 @@ def test_a_csv_file_contains_measurements_and_any_other_file_an_arm(held: Study,
     assert Study(held.scene, against=Path(name)).measurements is known
 
 
+def test_a_picture_of_an_arm_on_a_free_base_begins_at_the_base() -> None:
+    chain = fl.lump(fl.load_scene(ROOT / "models" / "satellite.toml"))
+    q = np.arange(1.0, chain.n + 1)
+    places = of_arm(chain, fl.frames(chain, q).points)
+    assert places[0] == pytest.approx(q[:3])
+
+
 class TestMove:
     def test_travel_and_deflection_are_the_largest_distances_with_their_time(self, move: Study) -> None:
         part, run = made("motion", move), move.run
@@ -295,6 +303,10 @@ class TestMove:
         warned = made("motion", with_run(move, replace(move.run, warnings=("mind the step",))))
         (text,) = (text for text in warned.sentences if "mind the step" in text)
         reviewed("report numbers: warning of a run", text)
+
+    def test_the_simulated_time_of_a_run_that_begins_later_is_its_length(self, move: Study) -> None:
+        later = replace(move.run, t=move.run.t + 2.0)
+        assert numbers(made("motion", with_run(move, later)).sentences[0])[0] == 0.6
 
     @pytest.mark.slow
     def test_the_largest_loads_are_found_sample_by_sample(self, move: Study) -> None:

@@ -3,6 +3,7 @@
 import itertools
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -20,6 +21,7 @@ from validation.case import Measured, load_cases, scene_file
 from validation.kinds import KINDS
 from validation.kinds import measured as kind
 from validation.measured import (
+    one_number,
     pazy_wing,
     rotating_beam,
     steel_cantilever,
@@ -681,6 +683,16 @@ def test_the_candidate_that_explains_a_half_is_chosen_and_its_half_does_not_see_
         assert found.fitted.value == pytest.approx(1.21, rel=3e-3)
         assert set(found.fitted.others) == set(second)
     assert choose(wanted, first, readings, lambda _: (1.0, deaf)).fitted is None
+
+
+def test_the_candidate_that_is_chosen_leaves_the_smallest_misfit_after_its_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    left = {"first": 2.0, "second": 0.5, "unusable": 0.1}
+    fits = iter(SimpleNamespace(before=3.0, after=after, usable=name != "unusable") for name, after in left.items())
+    monkeypatch.setattr(one_number, "fit_one_number", lambda *_: next(fits))
+    candidates = {name: Candidate(path=name, unit="1") for name in left}
+    wanted = OneNumber(groups=["g"], half=["h"], candidate=candidates)
+    readings, start = study(frequencies(1.0))
+    assert choose(wanted, [], readings, lambda _: (1.0, start)).name == "second"
 
 
 def test_a_validated_quantity_is_printed_with_the_accuracy_that_was_shown() -> None:
