@@ -179,8 +179,8 @@ def expectation(every: Sequence[Group]) -> str:
     return (
         f"From a drawing, expect errors of {_rms_span(free)} (root mean square, by specimen; largest "
         f"{_largest(free)}): {whole.free.counts} quantities agree within their uncertainty. With one number of "
-        f"your arm fitted to a few readings, {_rms_span(held_out)} (largest {_largest(held_out)}): of those "
-        f"held out, {whole.held_out.counts} agree, which shows an accuracy of ± {_shown(held_out)}. "
+        f"your arm fitted to a few readings, {_rms_span(held_out)} (largest {_largest(held_out)}): of the "
+        f"readings that were held out, {whole.held_out.counts} agree, which shows an accuracy of ± {_shown(held_out)}. "
         f"Not predicted: {not_predicted or 'nothing that was measured'}. "
         f"Not counted: {lines_of(every).undecided} that are too uncertain to decide."
     )

@@ -67,9 +67,9 @@ class CaseVerdict:
         """Summary in one line."""
         parts = []
         if self.judged:
-            parts.append(f"{self.judged - self.failed} of {self.judged} pass")
+            parts.append(f"{self.judged - self.failed} of {plural(self.judged, 'check')} pass")
         if self.worst and not self.failed:
-            parts.append(f"closest check at {share(used(self.worst))} of its limit")
+            parts.append(f"the closest one uses {share(used(self.worst))} of its limit")
         if self.speed:
             parts.append(f"speed: {self.speed}")
         if not parts:

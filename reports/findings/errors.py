@@ -97,10 +97,9 @@ def _off(row: Row) -> float:
 
 def _steps_sentence(rows: list[Row]) -> str:
     worst, close = max(rows, key=_off), sum(_off(row) <= CLOSE for row in rows)
-    return (
-        f"{close} of {plural(len(rows), 'largest stable step')}, found by bisection, are within {number(CLOSE)} of "
-        f"the prediction; the largest difference is {number(_off(worst))} ({worst.where})."
-    )
+    most = f"{number(100 * _off(worst))} % ({worst.where})"
+    found = f"{close} of {plural(len(rows), 'largest stable step')}, found by bisection, are within"
+    return f"{found} {number(100 * CLOSE)} % of the prediction; the largest difference is {most}."
 
 
 HELD_OUT = "held out"

@@ -49,7 +49,7 @@ def sentences(found: Sequence[Scene]) -> Iterator[str]:
         yield f"Above it: {', '.join(over)}."
     for scene in found:
         if not of[scene.name] and (why := why_not_advised(scene)):
-            yield f"No pick for {scene.name}: {why}"
+            yield f"advise has no pick for {scene.name}. {why}"
 
 
 AIM = 1e-3  # error of the sentence
