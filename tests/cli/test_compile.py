@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import flexlink as fl
+from flexlink.cli import compile as command
 from flexlink.cli import rehearsal
 from flexlink.cli.compile import _put
 from flexlink.cli.main import main
@@ -54,6 +55,22 @@ def test_an_unsupported_processor_family_is_refused(arguments: list[str], capsys
     assert main(["compile", *arguments]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert f"--cpu = {arguments[1]}" in line and line.endswith("[unknown-processor]")
+
+
+def test_a_complete_compilation_is_not_repeated_but_a_failed_one_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[str | None] = []
+
+    def compile_for(cpu: str | None, *_: object) -> None:
+        calls.append(cpu)
+        if len(calls) == 1:
+            raise fl.errors.FlexlinkError("compiling plane failed: no message", id="compile-failed")
+
+    monkeypatch.setattr(command, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(command, "_compile", compile_for)
+    assert [main(["compile"]) for _ in range(3)] == [2, 0, 0]
+    assert calls == [None, None]
 
 
 def test_a_package_contains_only_called_code_of_the_current_sources_for_each_cpu(tmp_path: Path) -> None:

@@ -39,6 +39,15 @@ def test_travel_is_measured_from_the_start_and_extent_between_extremes() -> None
     assert centre_of_motion(tip).tolist() == [1.0, 0.0, 0.0]
 
 
+def test_waves_are_counted_along_hinges_and_slides_of_beams_without_gears_and_clamps() -> None:
+    gear = {"joint.gear_stiffness": 1e4, "joint.armature": 0.1, "stretch": True, "segments": 2}
+    changes = {"link.upper.segments": 3, "link.upper.root_stiffness": {"z": 100.0}, "link.upper.joint.armature": 0.1}
+    scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml")
+    chain = fl.lump(scene.varied(changes | {f"link.fore.{key}": value for key, value in gear.items()}))
+    names = [[chain.joint_names[k] for k in line] for line in convergence._lines(chain)]
+    assert names == [["upper.1.z", "upper.2.z"], ["fore.1.stretch"], ["fore.1.z"]]
+
+
 def test_an_error_that_is_not_finite_stays_infinite() -> None:
     assert largest_so_far(np.array([1.0, 0.5, np.nan, 0.1])).tolist() == [1.0, 1.0, np.inf, np.inf]
 

@@ -57,7 +57,7 @@ def test_the_data_of_a_motion_contain_every_engine() -> None:
     assert found.count("1.5") == found.count("2.5") == 2
 
 
-def test_each_panel_of_a_sweep_has_the_orders_of_its_own_measure(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_panel_of_a_sweep_has_the_orders_of_its_measure(monkeypatch: pytest.MonkeyPatch) -> None:
     shown = []
     monkeypatch.setattr(physics, "_rules", lambda axes, one, orders: shown.append(orders["gauss"]))
     monkeypatch.setattr(physics, "legend_above", lambda *_: None)
