@@ -114,7 +114,7 @@ def _formulation_sentences(scenes: dict[str, list[Row]]) -> Iterator[str]:
         )
         yield f"{cheapest} {won or lost}."
         if won and lost:
-            yield f"It is below 1, so that program is cheaper, for {lost}."
+            yield f"Another program is cheaper where the ratio is below 1: {lost}."
     yield RULES
 
 

@@ -48,7 +48,7 @@ def _sheet(case: Case) -> Iterator[Measured | Series]:
             rows.append((ENGINES[engine], at.rule, at.hinges, error, case.sheet.accepted, seconds))
             best = min(best, error) if engine == "native" else best
     yield Measured("best error / accepted", best / case.sheet.accepted, case.scenes[0], varied={"job": case.name})
-    about = f"{case.about} Error: {case.sheet.error}; accepted: {case.sheet.accepted:g}."
+    about = f"{case.about} Error: {case.sheet.error}. Errors up to {case.sheet.accepted:g} are accepted."
     yield Series(
         "data sheet", f"{case.title}. {about}", table(HEADS, rows), "hinges a link", "", "error", part=case.name
     )

@@ -54,7 +54,7 @@ def run(
                 yield Measured("error", error, scene.name, varied={"method": method, "step": h})
                 yield Measured("energy drift", drift, scene.name, varied={"method": method, "step": h})
                 points.append((method, h, error, drift, methods.method(method).stages / h, cost / h))
-        title = f"{scene.name}: error of the methods in {scene.run.duration:g} s"
+        title = f"{scene.name}: largest error of each method within {scene.run.duration:g} s"
         labels = "step [s]", "step [s]", "max |Δq| [rad]"
         columns = table(LABELS, points)
         yield Series("comparison", title, columns, *labels, "log", "log", group="method", scene=scene.name)
