@@ -223,22 +223,22 @@ def _chapters(
 
 def _ran(section: Section, here: int, results: Results, whole: stored_full.Stored | None) -> str:
     """Sentences: how many cases of the chapter ran for this page, and which cases only the full study has."""
-    ran = f"{plural(here, 'case')} {'was' if here == 1 else 'were'} run for this page."
+    ran = f"{plural(here, 'case')} of this chapter {'was' if here == 1 else 'were'} run for this page."
     if not (here and whole):
         return ran if here else ""
     known = whole.study.chapter(section.id).cases
     beyond = sorted({one.case.partition("-")[0] for one in known if one.case not in results.plan})  # without parts
     if not beyond:
-        return f"{ran} The full study has no further cases."
-    return f"{ran} Only in the full study (reports/full): {', '.join(beyond)}."
+        return f"{ran} The full study has no further ones."
+    return f"{ran} Cases only in the full study (reports/full): {', '.join(beyond)}."
 
 
 def _stored_chapter(section: Section, whole: stored_full.Stored, out: Path) -> StudyChapter:
     """A chapter for which no case ran here, with the contents stored by the full study."""
     stored = whole.study.chapter(section.id)
     ran = (
-        f"No case of this chapter ran for this page. Shown: the full study, {plural(len(stored.cases), 'case')}, "
-        f"measured {whole.study.measured}; more figures are in reports/full."
+        "No case of this chapter was run for this page. It shows the full study with "
+        f"{plural(len(stored.cases), 'case')}, measured {whole.study.measured}. More figures are in reports/full."
     )
     found = tuple(whole.findings(section.id))
     for each in found:

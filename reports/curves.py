@@ -124,4 +124,4 @@ def picture(case: str, series: Series) -> Picture:
             axes.set_xlabel("")
     if len(all_axes[0].lines) > 1:
         legend_above(figure, all_axes[0], 2)
-    return Picture(f"{case}.{series.name}", series.title, figure, f"From the case {case}.", series_csv(series))
+    return Picture(f"{case}.{series.name}", series.title, figure, f"Results of the case {case}.", series_csv(series))

@@ -18,17 +18,19 @@ from validation.store import Series
 
 WHAT = "measured"  # `what` of the series of measured cases
 HEADS = (
-    "measured", "quantities", "error E / D, nothing fitted", "agree", "error E / D, held out", "agree, held out",
-    "accuracy shown, ±", "cannot decide",
+    "measured", "quantities", "error E / D, nothing fitted", "agree, nothing fitted", "error E / D, held out",
+    "agree, held out", "accuracy shown, ±", "undecided",
 )  # fmt: skip
 WORDS = (
-    "E = S − D is the error of the simulation S against the measurement D. The validation uncertainty is "
-    "u_val² = u_num² + u_input² + u_D²: discretization (grid convergence index), tolerances of the specimen, and the "
-    "measurement. A quantity agrees if |E| ≤ 2 u_val; this shows an accuracy of ± 2 u_val, however small E is. If not, "
-    "the error of the model or of the specimen data exceeds the uncertainty. Where 2 u_val is larger than the required "
-    "accuracy, agreement decides nothing, and the quantity is not counted. Held out: one number of the specimen was "
-    "chosen and fitted in one half of the readings, and this half predicts the other; every reading is held out once. "
-    "The laboratory arm is compared with ten numbers fitted, and u_input is the scatter of four such fits."
+    "E = S − D is the error of the simulation S against the measurement D. Its validation uncertainty is u_val, "
+    "where u_val² = u_num² + u_input² + u_D²: u_num is the uncertainty of the discretization (grid convergence "
+    "index), u_input that of the specimen, by its tolerances, and u_D that of the measurement. A quantity agrees if "
+    "|E| ≤ 2 u_val; this shows an accuracy of ± 2 u_val, however small E is. If |E| > 2 u_val, the error of the "
+    "model or of the specimen data exceeds the uncertainty. If 2 u_val is larger than the required accuracy, "
+    "agreement decides nothing: the quantity counts as undecided. For “held out”, one number of the specimen was "
+    "chosen and fitted to one half of the readings, and the model with this number predicts the other half; every "
+    "reading is held out once. For the laboratory arm ten numbers are fitted, and u_input is the scatter of four "
+    "such fits."
 )
 
 
@@ -133,8 +135,9 @@ class Lines(NamedTuple):
     @property
     def brief(self) -> str:
         """The counts in a few words."""
-        parts = [(self.free, "agree"), (self.held_out, "agree with one number fitted")]
-        return ", ".join(f"{line.counts} {words}" for line, words in parts if len(line.agrees)) or "nothing decided"
+        parts = [(self.free, "nothing"), (self.held_out, "one number")]
+        agreeing = (f"{of.counts} quantities agree with {what} fitted" for of, what in parts if len(of.agrees))
+        return ", ".join(agreeing) or "nothing decided"
 
 
 def lines_of(groups: Iterable[Group]) -> Lines:
@@ -177,12 +180,13 @@ def expectation(every: Sequence[Group]) -> str:
         if not each.predicted
     )
     return (
-        f"From a drawing, expect errors of {_rms_span(free)} (root mean square, by specimen; largest "
-        f"{_largest(free)}): {whole.free.counts} quantities agree within their uncertainty. With one number of "
-        f"your arm fitted to a few readings, {_rms_span(held_out)} (largest {_largest(held_out)}): of the "
-        f"readings that were held out, {whole.held_out.counts} agree, which shows an accuracy of ± {_shown(held_out)}. "
-        f"Not predicted: {not_predicted or 'nothing that was measured'}. "
-        f"Not counted: {lines_of(every).undecided} that are too uncertain to decide."
+        f"If you model an arm from its drawing, expect root-mean-square errors of {_rms_span(free)}, depending on the "
+        f"specimen, and single errors of up to {_largest(free)}. With nothing fitted, {whole.free.counts} measured "
+        "quantities agree with the simulation within their uncertainty. If you also fit one number of the arm to a few "
+        f"readings, expect root-mean-square errors of {_rms_span(held_out)} and single errors of up to "
+        f"{_largest(held_out)}. Then {whole.held_out.counts} quantities that were not used for the fit agree, which "
+        f"shows an accuracy of ± {_shown(held_out)}. These counts leave out quantities that are too uncertain to "
+        f"decide ({lines_of(every).undecided}), and what the model does not predict: {not_predicted or 'nothing'}."
     )
 
 
@@ -237,6 +241,6 @@ def _line(group: Group) -> tuple[str | float, ...]:
 
 
 def span(percent: Array) -> str:
-    """Range of percentages, "smallest … largest"."""
+    """Range of percentages, "smallest to largest"."""
     low, high = (f"{number(float(each), 2)} %" for each in (percent.min(), percent.max()))
-    return low if low == high else f"{low} … {high}"
+    return low if low == high else f"{low} to {high}"

@@ -139,28 +139,29 @@ class Comparison:
         answer = f"These are{'' if self.same else ' not'} the published numbers{partly}."
         equal, rounding, different, timed = (self.of(kind) for kind in ("equal", "rounding", "different", "timed"))
         counts = (
-            f"{self.cases} of {plural(self.published, 'published case')} compared: {plural(len(equal), 'number')} "
-            f"equal to the bit, {len(rounding)} within rounding or their allowed difference, "
-            f"{len(different)} different."
+            f"Compared: {self.cases} of {plural(self.published, 'published case')}. Of their numbers, {len(equal)} are "
+            f"equal to the bit, {len(rounding)} differ by no more than rounding or their allowed difference, and "
+            f"{len(different)} differ by more."
         )
         found = [answer, counts]
         if self.missing:
-            found.append(f"In only one of the studies: {plural(len(self.missing), 'number')} ({self.missing[0]}, …).")
+            found.append(f"Numbers in only one of the two studies: {len(self.missing)} ({self.missing[0]}, …).")
         if self.wider:
-            found.append(f"{plural(len(self.wider), 'limit')} wider than the published one ({self.wider[0]}, …).")
+            found.append(f"Limits wider than the published ones: {len(self.wider)} ({self.wider[0]}, …).")
         if moved := [*self.moved, *(f"{pair.row.case}: {pair.row.quantity}" for pair in self.of("moved"))]:
             edited = len({words.partition(":")[0] for words in moved})
             listed = f"{plural(len(moved), 'number')} of {plural(edited, 'case')} ({moved[0]}, …)"
-            found.append(f"Changed or new, because sources were edited since: {listed}.")
+            found.append(f"Changed, new or missing, because sources were edited since: {listed}.")
         if self.unpublished:
             found.append(f"Not yet published: {plural(len(self.unpublished), 'case')} ({', '.join(self.unpublished)}).")
         ratios = [pair.row.value / pair.published for pair in timed if pair.row.value and pair.published]
         if timed:
-            middle = f", median ratio to the published value {number(median(ratios), 2)}" if ratios else ""
+            middle = f"; the median ratio to the published value is {number(median(ratios), 2)}" if ratios else ""
             found.append(f"Not compared, because they depend on the machine: {plural(len(timed), 'number')}{middle}.")
         if self.absent:
             names = ", ".join(sorted(set(map(engine_name, self.absent))))
-            found.append(f"Not compared, because not installed here: {plural(len(self.absent), 'number')} of {names}.")
+            numbers = f"{plural(len(self.absent), 'number')} of {names}"
+            found.append(f"Not compared, because the program is not installed here: {numbers}.")
         return found
 
     def table(self) -> Table:

@@ -35,12 +35,11 @@ class Staleness(NamedTuple):
 
     def sentence(self) -> str:
         """The result in one or two sentences."""
-        of = f"The stored study is of commit {self.commit}" if self.commit else "The stored study is of no commit"
+        commit = f"at commit {self.commit}" if self.commit else "outside a repository"
         cases = plural(len(self.valid) + len(self.touched) + len(self.missing), "case")
-        counts = (
-            f"{len(self.valid)} of {cases} current, {len(self.touched)} touched by changes, {len(self.missing)} missing"
-        )
-        return f"{of}: {counts}." if self.current else f"{of}: {counts}. To measure them: {COMMAND}."
+        counts = f"{len(self.valid)} current, {len(self.touched)} touched by changes, {len(self.missing)} missing"
+        found = f"The stored study was measured {commit}. State of {cases}: {counts}."
+        return found if self.current else f"{found} To measure the others: {COMMAND}."
 
 
 def check(folder: Path) -> Staleness:

@@ -138,7 +138,7 @@ class Stored(NamedTuple):
         """Sentences on whether the code has changed since the study was measured, and on cases that are not in it."""
         known = [case.name for case in load_cases(*ALL)]
         missing = [name for name in known if name not in self.study.keys]
-        lacking = f" Cases missing in it: {len(missing)} of {len(known)}." if missing else ""
+        lacking = f" Cases that it lacks: {len(missing)} of {len(known)}." if missing else ""
         return since(self.study.commit, read_sources(self.folder)) + lacking
 
     def _data(self, name: str) -> bytes:
@@ -184,9 +184,9 @@ def read_sources(folder: Path = FOLDER) -> dict[str, str]:
 
 def since(commit: str, measured: Mapping[str, str]) -> str:
     """Commit of the study, and whether flexlink/ or validation/ have changed since, in one sentence."""
-    at = f"Measured at commit {commit}" if commit else "Measured outside a repository"
+    at = f"The study was measured at commit {commit}" if commit else "The study was measured outside a repository"
     if not measured:
-        return f"{at}; later changes are unknown."
+        return f"{at}; later changes of the code are unknown."
     if not differing(dependencies.everything(), measured):
         return f"{at}; the code that affects the results has not changed since."
-    return f"{at}; code that may affect the results has changed since. To run it again: {COMMAND}."
+    return f"{at}; code that may affect the results has changed since. To measure again, run {COMMAND}."

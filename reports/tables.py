@@ -45,7 +45,7 @@ def checks(rows: Sequence[JudgedRow]) -> tuple[Table, str]:
     shown |= {
         "value": [amount(row.value, row.unit) for row in rows],
         "limit": [limit(row) for row in rows],
-        "of its limit": [share(used(row)) for row in rows],
+        "share of its limit": [share(used(row)) for row in rows],
         "note": [row.note for row in rows],
     }
     states: list[str] = [row.state for row in rows]

@@ -71,7 +71,7 @@ class CaseVerdict:
         if self.worst and not self.failed:
             parts.append(f"the closest one uses {share(used(self.worst))} of its limit")
         if self.speed:
-            parts.append(f"speed: {self.speed}")
+            parts.append(f"time limits: {self.speed}")
         if not parts:
             parts.append(f"{plural(self.informing, 'number')} without a limit")
         return "; ".join(parts)
@@ -101,9 +101,9 @@ def compared(results: Results) -> str:
     ours = f"flexlink {versions.get('flexlink', '')}".strip()
     engines = [f"{name} {versions[package]}" for package, name in NAMES.items() if versions.get(package)]
     exact = ["50-digit arithmetic"] if versions.get("mpmath") else []
-    others = ", ".join([*engines, *exact, "published and exact solutions of beams"])
-    size = f"{plural(len(results.cases), 'case')}, {plural(len(results.rows), 'number')}"
-    return f"Compared: {ours} with {others}; {size}."
+    others = ", ".join([*engines, *exact]) + ", and with " if engines or exact else ""
+    size = f"{plural(len(results.rows), 'number')} in {plural(len(results.cases), 'case')}"
+    return f"The study compares {ours} with {others}published and exact solutions of beams. It measures {size}."
 
 
 def measured(results: Results) -> str:
@@ -134,7 +134,7 @@ def verification(results: Results) -> Verdict:
     if failed:
         text = f"{len(failed)} of {checks} {'fails' if len(failed) == 1 else 'fail'}; see below."
     elif not judged:
-        text = f"No checks: {plural(len(results.rows), 'number')}, none with a limit."
+        text = f"There are no checks: the study has {plural(len(results.rows), 'number')}, none with a limit."
     elif results.missing:
         text = f"No failure in {checks}, but {_missing(results)}."
     else:
@@ -143,7 +143,8 @@ def verification(results: Results) -> Verdict:
         text += f" {_missing(results)}."
     given_up = {(row.case, row.quantity) for row in results.rows if row.given_up}
     if given_up:
-        text += f" {plural(len(given_up), 'limit')} withdrawn: see “Known limitations”."
+        were = "was" if len(given_up) == 1 else "were"
+        text += f" {plural(len(given_up), 'limit')} {were} withdrawn; “Withdrawn limits” gives the reasons."
     state: State = "fail" if failed else "incomplete" if results.missing or not judged else "pass"
     return Verdict(VERIFICATION, state, state.upper(), text)
 
@@ -168,6 +169,8 @@ def fast(results: Results) -> Verdict:
     found = speed(results.rows)
     state: State = "missed" if found.missed else "not-measured" if found.unmeasured or not found.met else "met"
     text = found.sentence()
+    if found.met or found.missed or found.unmeasured:
+        text = f"Time limits: {text}"
     return Verdict("Speed", state, state.replace("-", " "), f"{text[0].upper()}{text[1:]}.")
 
 

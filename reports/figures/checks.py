@@ -67,8 +67,8 @@ def _picture(case: str, scene: str, rows: Sequence[JudgedRow], limits: tuple[flo
     axes.set_ylim(len(labels) - 0.5, -0.5)
     legend_above(figure, axes, len(engines) + 1)
     caption = (
-        f"Largest difference from {KINDS[rows[0].kind]} over joints and states. Left of the limit: equal to within "
-        "rounding. At the left edge: exactly equal."
+        f"Largest difference from {KINDS[rows[0].kind]} over all joints and states. Marks left of the limit: equal to "
+        "within rounding; at the left edge: exactly equal."
     )
     return Picture(f"{case}.{scene}", f"{scene}: {rows[0].title}", figure, caption, rows_csv(rows))
 
@@ -106,7 +106,7 @@ def overview(results: Results) -> Iterator[Picture]:
     axes.set_xticklabels([f"≤ {number(LEAST)}", *(number(10.0**k) for k in range(-3, 1))])
     legend_above(figure, axes, 3)
     title = "All verification checks: share of the limit that each uses"
-    words = "One dot per check. Checks right of the line fail."
+    words = "Each dot is a check, at the share of its limit that it uses. Dots right of the line are failed checks."
     yield Picture("overview", title, figure, words, rows_csv(rows))
 
 
@@ -120,8 +120,8 @@ LOOKS = {
     "total": (INK, "|"),
 }  # fmt: skip
 PARTS = (
-    "Largest tip error and its parts: link type (model), hinges (space), steps (time), rounding. Reduce the rightmost "
-    "part first."
+    "Total tip error, and its parts due to the link type (model), hinges (space), steps (time) and rounding. Reduce "
+    "the largest part first."
 )
 RUN_LINE = 0.5  # height per run [in]
 
@@ -164,8 +164,8 @@ def _fill(axes: Axes, series: Series) -> None:
 
 VERDICT_COLOURS = {"validated to u_val": BLUE, "not validated": VERMILION, "cannot be told": GREY}
 MEASURED = (
-    "Points: E / D; bars: ± 2 u_val / D. Blue: validated. Orange: not validated, the bar misses zero. "
-    "Grey: cannot be decided, the uncertainty is too large."
+    "Points: error E / D. Bars: ± 2 u_val / D. Blue: validated. Orange: not validated, since the bar excludes 0. "
+    "Grey: undecided, since u_val is too large."
 )
 QUANTITY_LINE = 0.17  # height per quantity [in]
 

@@ -31,12 +31,12 @@ COLOURS = (PALE, GREY, GREEN, VERMILION)
 WORDS = ("no reference", "all refused or stopped", "none wrong", "number of wrong runs")
 TITLE = "Runs that are wrong without a warning"
 ALONE = (
-    "One parameter at a time, all scenes. Wrong: the tip error exceeds ten tolerances (fixed steps: 5 % of the motion) "
-    "without a warning. The CSV has all runs."
+    "In each row one parameter is extreme. A run is wrong if its tip error exceeds ten tolerances (fixed steps: 5 % of "
+    "the motion) without a warning."
 )
 PAIRS = (
-    "Two parameters at a time, a few values each. Wrong: the tip error exceeds ten tolerances (fixed steps: 5 % of the "
-    "motion) without a warning."
+    "In each cell two parameters are extreme. A run is wrong if its tip error exceeds ten tolerances (fixed steps: 5 % "
+    "of the motion) without a warning."
 )
 AND = " and "
 """Separator between the parameter names of a cell."""
@@ -103,7 +103,7 @@ def _picture(name: str, caption: str, grid: Grid, runs: Runs) -> Picture:
     figure, panels = _panels_beside(seen, grid.rows, 1.0) if not grid.columns else _stacked(seen, grid)
     rows = [row for axes, engine in zip(panels, seen, strict=True) for row in _panel(axes, grid, runs, engine)]
     _key(figure, list(zip(COLOURS, WORDS, strict=True)), 2)
-    csv = table_csv(("engine", "axes", "varied", "runs", "wrong without a word", "recipe of the first"), rows)
+    csv = table_csv(("engine", "axes", "varied", "runs", "wrong without a warning", "command of the first"), rows)
     return Picture(name, TITLE, figure, caption, csv)
 
 
@@ -152,10 +152,10 @@ MAPPED = ("native", "pinocchio", "mujoco")
 MOST = 16  # decimal digits of float64
 SHADES = ListedColormap(["#b2182b", "#d6604d", "#f4a582", "#fddbc7", "#d1e5f0", "#92c5de", "#4393c3", "#2166ac"])
 MAP = (
-    "One cell per value of a parameter, in order; it shows the less accurate of two scenes. Grey: refused. The CSV "
-    "includes pairs of parameters."
+    "Each cell is one value of a parameter, in the order of its range, and shows the less accurate of two scenes. "
+    "Grey: refused. The CSV includes pairs."
 )
-CLOUD = "Error of q̈ relative to its largest element, in every cell of the map and of its pairs. 1: no correct digit."
+CLOUD = "Error of q̈ relative to its largest element, for all values and pairs of parameters. 1 means no correct digit."
 
 
 @figure("extremes", "digits")
@@ -244,8 +244,8 @@ def promised_errors(results: Results) -> Iterator[Picture]:
         tidy_logs(axes)
         legend_over(axes, figure=figure)
         caption = (
-            "Share of runs whose tip error, over the tolerance, is at most this. Random arms; tolerances are relative "
-            "to the reach. The CSV has all runs, with the error that each one states."
+            "Share of runs of random arms whose ratio of tip error to tolerance is at most that on the axis. "
+            "Tolerances are relative to the arm's reach."
         )
         yield Picture(f"{case}.runs", "Tip errors of runs with a tolerance", figure, caption, series_csv(series))
 

@@ -17,7 +17,9 @@ from reports.tables import series_csv
 from validation.store import Series
 
 UNITS = ((1.0, "m"), (1e3, "mm"), (1e6, "µm"), (1e9, "nm"))
-CAPTION = "Tip distance between flexlink's chain and exact beams (Exudyn). The tip vibrates between the samples."
+CAPTION = (
+    "Distance of the tip of flexlink's chain from that of exact beams (Exudyn). Between the samples, the tip vibrates."
+)
 
 
 @figure("physics", "beams")

@@ -67,7 +67,7 @@ READINGS = {
 """Initial configuration by scene; the first scene in the study is drawn."""
 UNTIL = 1.0  # end of the picture's interval [s]
 POSTURES = 6  # configurations drawn in this interval
-CAPTION = "Two flexible links of 1.25 m each fall from rest, {}. Light to dark: 0 to 1 s."
+CAPTION = "Two flexible links of 1.25 m each fall from rest, {}. Colours from light to dark: times from 0 to 1 s."
 TITLE = "The arm of the paper's figure 5"
 
 
@@ -226,7 +226,7 @@ def _points(panel: Axes, series: Series, number: int, marker: str) -> None:
 def caption(motion: Motion) -> str:
     """Caption of the picture."""
     who = " and ".join(engine_name(name) for name in motion.engines)
-    overlay = f" Points: {who}, from the exported file, same method and step." if who else ""
+    overlay = f" Points: {who}, which load the exported file and use the same method and step." if who else ""
     return f"Joint angles, and positions in frame 0. Lines: flexlink.{overlay}"
 
 

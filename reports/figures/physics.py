@@ -56,12 +56,18 @@ def physics(results: Results) -> Iterator[Picture]:
             yield Picture(f"{case}.motion", f"{title}: motion", _motion(series), MOTION, series_csv(series))
 
 
-READ = "Error against hinges per link. Orders are fitted to the three largest hinge counts with errors above rounding."
+READ = (
+    "Error against hinges per link. Orders are fitted to the three largest numbers of hinges with errors above "
+    "rounding."
+)
 PRICE = (
     "Error of the first mode against the work of RK4 at its largest stable step (EI = ρA = L = 1). Short end segments, "
     "as with legendre, require small steps."
 )
-MOTION = "Upper panel: continuous reference, the chain under test, and one for comparison. Lower panel: their error."
+MOTION = (
+    "Upper panel: the continuous beam, the tested chain, and a chain for comparison. Lower panel: errors of both "
+    "chains."
+)
 
 
 def _sweeps(sweeps: Sequence[Series], rows: Sequence[Row]) -> Figure:

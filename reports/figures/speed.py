@@ -59,7 +59,7 @@ def _picture(name: str, series: Series, exponents: Exponents) -> Picture:
     axes[-1].set_xlabel(series.x_label)
     legend_over(axes[0], figure=figure)
     caption = (
-        "CPU time against the number of joints n, one panel per family of chains. Exponents are fitted for n ≥ 100. "
+        "CPU time against the number of joints n, with a panel per family of chains. Exponents are fitted for n ≥ 100. "
         "Engines are called from Python."
     )
     return Picture(name, series.title, figure, caption, series_csv(series))
@@ -98,7 +98,9 @@ def speed_beside_engines(results: Results) -> Iterator[Picture]:
         axes.invert_yaxis()
         axes.grid(visible=False, axis="y")
         legend_above(figure, axes, 1)
-        words = "Simulated time per CPU time on one core, same method and step. Engines are called from Python."
+        words = (
+            "Simulated time / CPU time on one core; all use the same method and step. Engines are called from Python."
+        )
         yield Picture(case, rows[0].title, figure, words, rows_csv(found))
 
 

@@ -32,8 +32,8 @@ from validation.store import Series
 APART = 20.0  # smallest ratio of the errors of two labelled runs
 SHOWN = 1.0  # runs with a relative error of this size or larger are not drawn
 CAPTION = (
-    "Left: more accurate; lower: cheaper. Line: best runs of each program, with their methods. Errors are relative "
-    "to the motion of the tip or its deflection."
+    "Farther left is more accurate; lower is cheaper. Lines: best runs of each program, with methods. Errors are "
+    "relative to the tip's motion or its deflection."
 )
 HEADS = ("program", "method", "step [s] or tolerance [m]", "CPU time [s]", "evaluations", *AIMS, *(
     f"on its front, {word}" for word in AIMS.values()
@@ -107,8 +107,8 @@ def _csv(many: Sequence[Run]) -> str:
 
 
 RATIOS = (
-    "Cheapest run of each program with that error. Left of the line flexlink is slower. Hollow: extrapolated, in "
-    "favour of the other program."
+    "Each mark is the cheapest run of a program with that error. Left of the line, flexlink is slower. Hollow: "
+    "extrapolated in favour of the other."
 )
 LETTERS = 74  # letters in a line of a scene's description
 WRITTEN: dict[str, Any] = {
@@ -190,8 +190,8 @@ TYPE_LOOKS = {"rigid": (GREY, "s"), "T1": (ORANGE, "o"), "T2": (GREEN, "^"), "T3
 LEFT_ROOM = 0.15  # factor on the left limit of the axis, to leave room for the first label
 NEAR = 4.0  # smallest ratio of the errors of two labelled runs
 MODELS = (
-    "One mark per combination of link type, hinges, rule, method and step. Line: the best ones. Vertical edge: error "
-    "of a link type, whatever its hinges."
+    "A mark is a run with a link type, hinges, rule, method and step. Line: the best runs. Vertical edges: errors of "
+    "link types, which hinges cannot reduce."
 )
 
 
@@ -235,8 +235,8 @@ def _model_runs(series: Series) -> Iterator[Run]:
 
 ROUNDING = 1e-9  # errors below are drawn here: rounding
 FORMULATIONS = (
-    "Left: more accurate; lower: cheaper, or fewer coordinates. Pale: all settings; lines: best of each formulation. "
-    "Errors are relative to the length of the arm."
+    "Farther left is more accurate; lower is cheaper or smaller. Pale: all runs; lines: best runs of each formulation. "
+    "Errors are relative to the arm's length."
 )
 
 
@@ -282,11 +282,12 @@ LARGEST, SMALLEST = 0.1, 1e-6  # errors that are drawn
 ERROR = 1e-3  # of the overview
 ACROSS, TALL = 2, 1.75  # panels side by side; height of a row of panels [in]
 PANELS = (
-    "Left: more accurate; lower: cheaper. Best runs of each contestant; stars: what advise picks for errors of "
-    "1/100, 1/1000 and 1/10,000."
+    "Farther left is more accurate; lower is cheaper. Lines: best runs of each contestant. Stars: what advise picks "
+    "for errors of 0.01, 0.001, 0.0001."
 )
 COSTS = (
-    "Farther left: cheaper. The best run of each contestant that reaches the error; stars: the run that advise picks."
+    "Each mark is the cheapest run of a contestant that reaches the error; farther left is cheaper. Stars: what advise "
+    "picks."
 )
 
 

@@ -17,7 +17,10 @@ from reports.results import Results
 from reports.wording import displayed
 from validation.store import Row, Series
 
-PARTS = {"model": "link type", "space": "number of hinges and rule", "time": "method and step", "rounding": "rounding"}
+PARTS = {
+    "model": "the link type", "space": "the number of hinges and the rule", "time": "the method and the step",
+    "rounding": "rounding",
+}  # fmt: skip
 MM = 1e3  # millimetres per metre
 LITTLE = 0.01  # fraction of the error below which a part is not worth reducing
 
@@ -53,14 +56,14 @@ def _most(errors: Mapping[str, float]) -> str:
 def _sentences(runs: Sequence[Mapping[str, float]]) -> Iterator[str]:
     first = Counter(map(_most, runs)).most_common()
     yield (
-        f"Largest part of the error in {plural(len(runs), 'run')}: "
-        + "; ".join(f"{PARTS[part]} in {count}" for part, count in first)
+        f"Of {plural(len(runs), 'run')}, the largest part of the error comes "
+        + ", ".join(f"from {PARTS[part]} in {count}" for part, count in first)
         + "."
     )
     idle = sum(errors["time"] < LITTLE * errors["total"] for errors in runs)
-    yield f"In {idle} of them, smaller steps would reduce the error by less than {100 * LITTLE:.0f} %."
+    yield f"In {idle} of these runs, smaller steps would reduce the error by less than {100 * LITTLE:.0f} %."
     worst = max(errors["rounding"] / errors["total"] for errors in runs)
-    yield f"Rounding is at most {number(worst, 2)} of the error of a run."
+    yield f"Rounding causes at most {number(100 * worst, 2)} % of the error of a run."
 
 
 KIND, QUANTITY = "stable_steps", "observed / predicted − 1"
@@ -79,7 +82,7 @@ def stable_steps(results: Results) -> Iterator[Table]:
             if row.quantity == QUANTITY and row.value is not None:
                 found.setdefault(str(row.varied["method"]), []).append(row)
         if found:
-            heads = ("method", "scenes", "median difference [1]", "largest difference [1]", "scene of the largest")
+            heads = ("method", "scenes", "median difference [1]", "largest difference [1]", "scene with the largest")
             lines = tuple(_steps_line(method, of) for method, of in found.items())
             title = "Largest stable step: runs compared with the prediction from the modes"
             sentence = _steps_sentence([row for of in found.values() for row in of])
@@ -109,8 +112,8 @@ COLUMNS = (
 )  # fmt: skip
 HEADS = {"GCI": "grid convergence index", "order": "observed order", "S": "S, simulated", "D": "D, measured"}
 FIT = (
-    "Fit: 100 (1 − |measured − model| / |measured|). 100 is a perfect model, 0 is no better than a zero signal. "
-    "psf and fsf are the two recordings."
+    "The fit is 100 (1 − |measured − model| / |measured|). It is 100 for a perfect model, and 0 for a model that is no "
+    "better than a zero signal. psf, fsf, lqr, hinf and lqg are names of recordings."
 )
 
 
@@ -155,7 +158,8 @@ def speed_times(results: Results) -> Iterator[Table]:
         engines = [engine for engine in ORDER if any(engine in row for row in times.values())]
         lines = tuple((family, n, *(row.get(engine) for engine in engines)) for (family, n), row in times.items())
         sentence = (
-            "native: flexlink in a compiled loop; public: its checked call from Python. Engines are called from Python."
+            "native: flexlink in a compiled loop; public: a call of flexlink from Python, which checks its arguments. "
+            "Engines are called from Python."
         )
         heads = ("chain", "n", *(f"{engine} [µs]" for engine in engines))
         yield Table(f"{case}.{series.name}.times", series.title, heads, lines, (sentence,), to_look_up=True)

@@ -57,7 +57,7 @@ def _arms(row: Row) -> float:
 def _sentence(claims: Sequence[Row]) -> str:
     found = [standing(row) for row in claims]
     counts = ", ".join(f"{found.count(each)} {each.word}" for each in (CONFIRMED, IN_PART, REFUTED))
-    return f"{plural(len(claims), 'claim')}: {counts}."
+    return f"Verdicts on {plural(len(claims), 'claim')}: {counts}."
 
 
 ERROR, WORK = "error [rad]", "evaluations per simulated second"
@@ -112,11 +112,14 @@ def evaluations(work: Array, error: Array, target: float) -> float | None:
 def _sentences(table: Mapping[float, Costs], best: Mapping[float, str]) -> Iterator[str]:
     holds = [target for target, method in best.items() if method == "RK4"]
     fails = [target for target, method in best.items() if method == "RK10"]
-    claim = "“RK4 suffices, RK10 is not justified”, measured by evaluations of q̈ for a given joint-angle accuracy, "
+    claim = (
+        "The paper concludes: “RK4 suffices, RK10 is not justified”. By the number of evaluations of q̈ that a "
+        "method needs for a given error of the joint angles, this "
+    )
     if not fails:
-        yield claim + "is confirmed at every accuracy tried."
+        yield claim + "is confirmed at every error tried."
     elif not holds:
-        yield claim + "is refuted at every accuracy tried: RK4 is never the cheapest."
+        yield claim + "is refuted at every error tried: RK4 is never the cheapest."
     else:
         yield claim + f"is confirmed for errors of {_span(holds)} and refuted for errors of {_span(fails)}."
     for winner, loser, targets in (("RK4", "RK10", holds), ("RK10", "RK4", fails)):
@@ -124,7 +127,7 @@ def _sentences(table: Mapping[float, Costs], best: Mapping[float, str]) -> Itera
         if ratios:
             most = max(ratios, key=lambda t: ratios[t])
             times = f"{number(ratios[most], 2)} times as many evaluations"
-            yield f"If {winner} is the cheapest, {loser} needs up to {times} (at {_rad(most)})."
+            yield f"Where {winner} is the cheapest, {loser} needs up to {times} (for an error of {_rad(most)})."
         alone = [t for t in targets if loser not in table[t]]
         if alone:
             yield f"{loser} does not reach errors of {_span(alone)} with the steps tried."
@@ -132,7 +135,7 @@ def _sentences(table: Mapping[float, Costs], best: Mapping[float, str]) -> Itera
     yield f"RK2 is the cheapest for errors of {_span(second)}." if second else "RK2 is never the cheapest."
     yield (
         "The table lists evaluations per simulated second. If a method has the same number in several rows, its "
-        "longest step is already accurate enough, and longer steps are near or beyond the stability limit."
+        "longest step is accurate enough for all of them, and longer steps are near or beyond the stability limit."
     )
 
 
@@ -173,8 +176,10 @@ def _orders_sentence(values: dict[str, dict[str, float | None]]) -> str:
     met, beyond = ([v for found in values.values() if (v := found.get(name)) is not None] for name in (MET, NEXT))
     if not met:
         return "No order condition was measured."
-    words = f"All order conditions of {len(met)} sets of coefficients are satisfied to {amount(max(met), '')}"
+    words = (
+        f"The residuals of all order conditions of {len(met)} sets of coefficients are at most {amount(max(met), '')}"
+    )
     if not beyond:
         return f"{words}."
     least = amount(min(beyond), "")
-    return f"{words}. Conditions of the next order have residuals of {least} or more: no order is higher."
+    return f"{words}. The largest residual of the next order is {least} or more in each set, so no order is higher."

@@ -43,7 +43,7 @@ def physics_choice(results: Results) -> Iterator[Table]:
     yield Table("physics_choice", "Lumping rule and number of hinges for each requirement", heads, lines, sentences)
 
 
-READ = "“> n”: n hinges were insufficient, and more were not tried. Empty: the rule was not tried."
+READ = "“> n” means that n hinges were insufficient and more were not tried; an empty cell: the rule was not tried."
 
 
 def _needs(results: Results) -> dict[str, Need]:
@@ -72,7 +72,8 @@ def _winners(needs: Mapping[str, Need]) -> Iterator[str]:
         met = [need.needed[rule] for need in tried if rule in need.needed]
         if met:
             most = number(max(met))
-            yield f"{rule} meets {len(met)} of the {len(tried)} requirements it was tried on, with up to {most} hinges."
+            counts = f"{len(met)} of the {len(tried)} requirements on which it was tried"
+            yield f"{rule} meets {counts}, with up to {most} hinges."
 
 
 def _paper(needs: Mapping[str, Need]) -> Iterator[str]:
@@ -84,8 +85,8 @@ def _paper(needs: Mapping[str, Need]) -> Iterator[str]:
     missed = sum("paper" in need.missed for need in needs.values())
     if enough:
         yield (
-            f"The paper’s own layout is sufficient, with no more than {number(NEAR)} times the fewest hinges, for: "
-            f"{'; '.join(enough)}."
+            f"The paper’s own layout of hinges needs at most {number(NEAR)} times as many hinges as the best rule for "
+            f"these requirements (number of hinges in brackets): {'; '.join(enough)}."
         )
     yield f"The paper’s own layout does not meet {missed} of all {len(needs)} requirements."
 
@@ -99,8 +100,9 @@ def _orders(results: Results) -> Iterator[str]:
     }
     if FREE in orders and CLAMPED in orders:
         yield (
-            f"Its order for the first mode is {orders[FREE]} if both ends are free of torque, as in its figure 5, "
-            f"and {orders[CLAMPED]} at a clamped, locked or driven joint, because the half segments there do not bend."
+            f"The error of its first frequency has order {orders[FREE]} if both ends of the link are free of torque, "
+            f"as in the paper’s figure 5. At a clamped, locked or driven joint it has order {orders[CLAMPED]}, "
+            "because the half segment at the joint does not bend."
         )
 
 
@@ -111,13 +113,13 @@ def _steps(results: Results, needs: Mapping[str, Need]) -> Iterator[str]:
         hinges, times = f"{found[0].varied['hinges']} hinges", number(steps["gauss"] / steps["legendre"], 2)
         fewest = sum(need.needed.get("legendre") == min(need.needed.values(), default=None) for need in needs.values())
         yield (
-            f"legendre needs the fewest hinges for {fewest} of {len(needs)} requirements. But its short end "
-            f"segments make RK4’s largest stable step {times} times smaller than gauss’s ({hinges}). legendre "
-            "is the better choice for modes and statics; gauss, the default, is better for motion."
+            f"legendre needs the fewest hinges for {fewest} of {len(needs)} requirements. But its short end segments "
+            f"make RK4’s largest stable step {times} times smaller than with gauss, at {hinges} each. For modes and "
+            "statics legendre is the better choice; for motion gauss, the default, is better."
         )
 
 
-HEADS = ("rule", "largest stable RK4 step [s]", "relative to the longest", "hinges")
+HEADS = ("rule", "largest stable RK4 step [s]", "relative to the longest of all rules", "hinges")
 
 
 @finding("physics")
@@ -142,10 +144,10 @@ def physics_price(results: Results) -> Iterator[Table]:
         HEADS,
         lines,
         (
-            "The highest frequency of the chain, set by its shortest segments, limits the step of an explicit method. "
-            f"With equal numbers of hinges (EI = ρA = L = 1), {first} allows the longest steps; {last} needs "
-            f"{number(longest / shortest, 2)} times as many. Kelvin-Voigt damping shortens the stable step further, "
-            "because the damping ratio of a mode increases with its frequency.",
+            "The highest frequency of the chain, which depends on its shortest segments, limits the step of an "
+            f"explicit method. With equal numbers of hinges (EI = ρA = L = 1), {first} allows the longest steps; "
+            f"{last} needs {number(longest / shortest, 2)} times as many steps. Kelvin-Voigt damping shortens the "
+            "stable step further, because the damping ratio of a mode increases with its frequency.",
         ),
     )
 
@@ -178,7 +180,7 @@ def physics_published(results: Results) -> Iterator[Table]:
         heads = ("benchmark", "published or exact", "flexlink", "difference")
         yield Table(
             "physics_published",
-            "Published values and flexlink’s",
+            "Published values compared with those of flexlink",
             heads,
             tuple(lines),
             (_published_sentence(compared, cases),),
@@ -188,8 +190,8 @@ def physics_published(results: Results) -> Iterator[Table]:
 
 def _published_sentence(compared: int, cases: int) -> str:
     return (
-        f"{plural(compared, 'value')} of {cases} benchmarks. The tables below list the lumping rule, the number of "
-        "hinges, and all values in their notes."
+        f"The study compares {plural(compared, 'value')} of {plural(cases, 'benchmark')}. The notes in the tables of "
+        "the cases list all values, with the lumping rule and the number of hinges."
     )
 
 

@@ -15,7 +15,7 @@ from reports.prices import AIMS, LOOKS, OURS, Price, errors, prices, works
 from reports.results import Results
 from validation.store import Row
 
-HEADS = ("scene", "error asked", "cost of advise's pick / front", "pick; front")
+HEADS = ("scene", "error required", "cost of advise's pick / front", "pick; front")
 
 
 @finding("trade")
@@ -35,10 +35,11 @@ def sentences(found: Sequence[Scene]) -> Iterator[str]:
     """The range of the costs, the number of scenes within the limit, and every scene that is not."""
     of = {scene.name: ratios(scene) for scene in found}
     values = [each.value for own in of.values() for each in own]
-    yield f"advise's pick costs {number(min(values))} to {number(max(values))} times the front."
+    span = f"{number(min(values))} to {number(max(values))} times the CPU time of the front"
+    yield f"The run that advise picks takes {span}, which is the cheapest run of all contestants with the same error."
     within = sum(bool(own) and all(each.value <= LIMIT for each in own) for own in of.values())
     where = f"{within} of {plural(len(of), 'scene')}"
-    yield f"It is within {number(LIMIT)} times the front for all errors asked in {where}."
+    yield f"In {where}, this ratio is at most {number(LIMIT)} for all required errors."
     over = [
         f"{name} ({number(each.value)} for an error of {number(each.error)})"
         for name, own in of.items()
@@ -46,7 +47,7 @@ def sentences(found: Sequence[Scene]) -> Iterator[str]:
         if each.value > LIMIT
     ]
     if over:
-        yield f"Above it: {', '.join(over)}."
+        yield f"It is larger in: {', '.join(over)}."
     for scene in found:
         if not of[scene.name] and (why := why_not_advised(scene)):
             yield f"advise has no pick for {scene.name}. {why}"
@@ -54,10 +55,10 @@ def sentences(found: Sequence[Scene]) -> Iterator[str]:
 
 AIM = 1e-3  # error of the sentence
 OTHERS = "others / flexlink"
-NOT_REACHED = "does not reach it"
+NOT_REACHED = "not reached"
 RULES = (
-    "flexlink's times are those of complete calls of a prepared problem, others only those of their solver. The best "
-    "run of a ladder of settings counts."
+    "flexlink's times are those of complete calls with a prepared problem; for other programs, only the time of the "
+    "solver counts. Each formulation runs a list of settings, and its best run counts."
 )
 
 
@@ -110,7 +111,7 @@ def _formulation_sentences(scenes: dict[str, list[Row]]) -> Iterator[str]:
         won = ", ".join(f"{number(ratio, 2)} ({scene})" for scene, ratio in found[error].items() if ratio >= 1.0)
         lost = ", ".join(f"{number(ratio, 2)} ({scene})" for scene, ratio in found[error].items() if ratio < 1.0)
         cheapest = (
-            f"At an error of {number(error)}, the CPU time of the cheapest other program, relative to flexlink's, is"
+            f"For an error of {number(error)}, the CPU time of the cheapest other program, divided by flexlink's, is"
         )
         yield f"{cheapest} {won or lost}."
         if won and lost:
@@ -120,8 +121,8 @@ def _formulation_sentences(scenes: dict[str, list[Row]]) -> Iterator[str]:
 
 MOST = 8  # largest number of cases with a faster program that a sentence lists
 FAVOUR = (
-    "Times of other programs without a run are extrapolated by the order of the method, or taken from a run at the "
-    "stability limit that is assumed to be accurate. Both are in their favour."
+    "Where another program has no run with the error, its time is extrapolated by the order of the method, or it is "
+    "the time of a run at the stability limit, which is assumed to be accurate. Both favour the other program."
 )
 Line = tuple[str, float, dict[str, Price]]  # scene, error, program → price
 
@@ -170,11 +171,13 @@ def _ratio(price: dict[str, Price]) -> float | None:
 def _price_sentences(lines: list[Line]) -> tuple[str, ...]:
     ratios = {(scene, error): ratio for scene, error, price in lines if (ratio := _ratio(price)) is not None}
     lost = sorted((ratio, combination) for combination, ratio in ratios.items() if ratio < 1.0)
-    nowhere = [f"{scene} at {number(error)}" for scene, error, price in lines if OURS not in price]
+    nowhere = [f"{scene}, error {number(error)}" for scene, error, price in lines if OURS not in price]
     won = f"flexlink is the cheapest in {len(ratios) - len(lost)} of {len(ratios)} combinations of scene and error."
     sentences = [won]
     if lost:
-        named = [f"{scene} at {number(error)} ({number(ratio, 2)} × flexlink’s time)" for ratio, (scene, error) in lost]
+        named = [
+            f"{scene}, error {number(error)} ({number(ratio, 2)} × flexlink’s time)" for ratio, (scene, error) in lost
+        ]
         more = "; …" if len(lost) > MOST else ""
         sentences.append(f"Another program is cheaper in {len(lost)} of them: {'; '.join(named[:MOST])}{more}.")
     if nowhere:
