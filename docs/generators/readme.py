@@ -17,7 +17,7 @@ PROOF = [
     ("Given the exported file, Pinocchio and MuJoCo compute the same motion of the paper's arm: in five seconds the "
      "joint angles differ by {} at most.",
      "in the 5 s of the paper's figure 5"),
-    ("A soft link of 1 m, swung up by a motor, with 10 hinges against a continuous beam: the tip error is {}.",
+    ("A soft link of 1 m, turned by a motor, with 10 hinges against a continuous beam: the tip error is {}.",
      "against the continuous beam"),
     ("At extreme stiffness, mass, load and rate, runs that were wrong without a warning: {}.",
      "wrong without a warning"),
