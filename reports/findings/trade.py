@@ -35,8 +35,9 @@ def sentences(found: Sequence[Scene]) -> Iterator[str]:
     """The range of the costs, the number of scenes within the limit, and every scene that is not."""
     of = {scene.name: ratios(scene) for scene in found}
     values = [each.value for own in of.values() for each in own]
-    span = f"{number(min(values))} to {number(max(values))} times the CPU time of the front"
-    yield f"The run that advise picks takes {span}, which is the cheapest run of all contestants with the same error."
+    ends = dict.fromkeys((number(min(values)), number(max(values))))
+    span = f"takes {' to '.join(ends)} times the CPU time of the front"
+    yield f"The run that advise picks {span}, the cheapest run of any program, flexlink included, with the same error."
     within = sum(bool(own) and all(each.value <= LIMIT for each in own) for own in of.values())
     where = f"{within} of {plural(len(of), 'scene')}"
     yield f"In {where}, this ratio is at most {number(LIMIT)} for all required errors."
