@@ -13,6 +13,7 @@ from flexlink.common.types import Array
 from flexlink.pages.numbers import number
 from flexlink.pages.tables import Table
 from reports.results import Results
+from reports.wording import from_to
 from validation.measured.uncertainty import VERDICTS
 from validation.store import Series
 
@@ -243,4 +244,4 @@ def _line(group: Group) -> tuple[str | float, ...]:
 def span(percent: Array) -> str:
     """Range of percentages, "smallest to largest"."""
     low, high = (f"{number(float(each), 2)} %" for each in (percent.min(), percent.max()))
-    return low if low == high else f"{low} to {high}"
+    return from_to(low, high)

@@ -169,8 +169,6 @@ def fast(results: Results) -> Verdict:
     found = speed(results.rows)
     state: State = "missed" if found.missed else "not-measured" if found.unmeasured or not found.met else "met"
     text = found.sentence()
-    if found.met or found.missed or found.unmeasured:
-        text = f"Time limits: {text}"
     return Verdict("Speed", state, state.replace("-", " "), f"{text[0].upper()}{text[1:]}.")
 
 

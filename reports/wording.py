@@ -1,4 +1,4 @@
-"""Display names for stored quantities and verdicts; stored names cannot change, because they identify results."""
+"""Words of the report: display names, because stored names identify results and cannot change, and ranges."""
 
 from __future__ import annotations
 
@@ -13,3 +13,8 @@ DISPLAYED = read_toml(Path(__file__).with_suffix(".toml"))
 def displayed(name: str) -> str:
     """Display name of a stored quantity or verdict; other names are shown unchanged."""
     return str(DISPLAYED.get(name, name))
+
+
+def from_to(low: str, high: str) -> str:
+    """Range of two numbers as text; the number, if both are the same."""
+    return low if low == high else f"{low} to {high}"

@@ -13,6 +13,7 @@ from reports.findings import finding
 from reports.formulations import COST, MISSED, RUNS, SIZE, by_scene, errors_of, names_of, value
 from reports.prices import AIMS, LOOKS, OURS, Price, errors, prices, works
 from reports.results import Results
+from reports.wording import from_to
 from validation.store import Row
 
 HEADS = ("scene", "error required", "cost of advise's pick / front", "pick; front")
@@ -35,9 +36,8 @@ def sentences(found: Sequence[Scene]) -> Iterator[str]:
     """The range of the costs, the number of scenes within the limit, and every scene that is not."""
     of = {scene.name: ratios(scene) for scene in found}
     values = [each.value for own in of.values() for each in own]
-    ends = dict.fromkeys((number(min(values)), number(max(values))))
-    span = f"takes {' to '.join(ends)} times the CPU time of the front"
-    yield f"The run that advise picks {span}, the cheapest run of any program, flexlink included, with the same error."
+    span = f"{from_to(number(min(values)), number(max(values)))} times the CPU time of the front"
+    yield f"The run that advise picks takes {span}, the cheapest run of any program with the same error."
     within = sum(bool(own) and all(each.value <= LIMIT for each in own) for own in of.values())
     where = f"{within} of {plural(len(of), 'scene')}"
     yield f"In {where}, this ratio is at most {number(LIMIT)} for all required errors."

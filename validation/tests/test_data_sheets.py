@@ -40,6 +40,6 @@ def test_a_data_sheet_gives_cpu_times_of_flexlink_and_mujoco_at_equal_errors():
     assert columns["program"].tolist() == ["flexlink"] * half + ["MuJoCo"] * half
     assert columns["error"][:half] == pytest.approx(columns["error"][half:], rel=1e-6)
     assert (columns["CPU time [s]"] > 0).all()
-    assert "0.001 are accepted" in sheet.title
+    assert " 0.001 are accepted." in sheet.title
     (best,) = [n.value for n in numbers if isinstance(n, Measured) and n.quantity == "best error / accepted"]
     assert best == pytest.approx(columns["error"][:half].min() / 1e-3)
