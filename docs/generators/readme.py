@@ -63,7 +63,13 @@ def speed() -> str:
         for peer, of in found.items()
     ]
     task = f"simulations of {arms} to a tip error of 10⁻⁴ of the motion, already prepared; CPU time over flexlink's"
-    return f"{_when()}: {task} (below 1 flexlink is slower).\n\n" + "\n".join(lines)
+    return f"{_when()}{_unsteady()}: {task} (below 1 flexlink is slower).\n\n" + "\n".join(lines)
+
+
+def _unsteady() -> str:
+    """A remark if the machine was busy while these simulations were timed."""
+    states = [row["state"] for row in study.checks() if row["quantity"].startswith(tuple(map(PREPARED.format, PEERS)))]
+    return ", partly on a busy or unsteady machine" if "not measured" in states else ""
 
 
 def with_tables(text: str) -> str:
